@@ -11,6 +11,7 @@ use std::time::Duration;
 use clap::Parser;
 use clap::builder::{PossibleValue, TypedValueParser};
 
+use gshear_driver::sweep::{ALL, Selection};
 pub use simulate::simulate;
 
 /// Shears a frictional granular packing: mpirun -n RANKS gshear-mpi [CONFIG.toml]
@@ -25,7 +26,7 @@ Lee & Hurley).
 
 Results in the folder of --out: run.h5 (H5MD: frames and time series), log.csv, the last two \
 checkpoints, scene.toml. A sweep writes a folder for each run; --sweep skips runs that are done and \
-resumes those that were stopped. Reduce results with gshear-reduce.
+resumes those that were stopped; with --jobs it runs several at a time. Reduce results with gshear-reduce.
 
 Exit codes: 0 done; 2 bad input; 3 the numbers failed; 75 stopped early at a checkpoint by a signal, \
 --walltime or --stop-at (continue with --resume); 1 any other failure.
@@ -65,9 +66,17 @@ pub struct CommandLine {
     /// (run.lock) says otherwise
     #[arg(long)]
     pub break_lock: bool,
-    /// Of a scene with a sweep: list its runs, run all of them in turn, or run the N-th
-    #[arg(long, value_name = "list|all|N", value_parser = ChoiceParser, hide_possible_values = true, conflicts_with_all = ["resume", "stop_at"])]
+    /// Of a scene with a sweep: list its runs, show how far they are, or run all of them or those
+    /// of these numbers, such as 3, 5-8 or 1,3,5-8, one after the other unless --jobs is given
+    #[arg(long, value_name = "list|status|all|RUNS", value_parser = ChoiceParser, hide_possible_values = true, conflicts_with_all = ["resume", "stop_at"])]
     pub sweep: Option<Choice>,
+    /// Run so many runs of the sweep at a time, as far as there are cores for them, each started
+    /// as a program of its own: without mpirun, which --ranks starts
+    #[arg(long, value_name = "JOBS", value_parser = clap::value_parser!(u16).range(1..), requires = "sweep", conflicts_with_all = ["check", "profile"])]
+    pub jobs: Option<u16>,
+    /// Ranks of each run of --jobs. The environment's MPIRUN starts them, or else mpirun
+    #[arg(long, value_name = "RANKS", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..), requires = "jobs")]
+    pub ranks: u16,
     /// Check the scene, or with --sweep one of its runs: print it with every default filled in.
     /// Unless --quiet, print on standard error the steps, time, memory and disk that it takes on
     /// these ranks, and what is unlikely
@@ -98,15 +107,15 @@ pub struct CommandLine {
 /// Value of `--resume` that looks for the run in the folder of the results.
 pub const AUTO: &str = "auto";
 
-/// Runs of a sweep to list or to run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// What to do with the runs of a sweep.
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Choice {
-    /// List them, with what is done of each.
+    /// List them, with what is done of each and what is left.
     List,
-    /// Run all of them in turn.
-    All,
-    /// The run of this number, from 1 on.
-    One(usize),
+    /// Show how far they are.
+    Status,
+    /// Run some of them.
+    Run(Selection),
 }
 
 /// Parses a [`Choice`]; its words are known to completions of the shells.
@@ -126,20 +135,21 @@ impl TypedValueParser for ChoiceParser {
     }
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        let words = [("list", "the runs of the sweep"), ("all", "in turn")];
+        let words = [
+            ("list", "the runs of the sweep"),
+            ("status", "how far they are"),
+            (ALL, "run all of them"),
+        ];
         let words = words.map(|(word, help)| PossibleValue::new(word).help(help));
         Some(Box::new(words.into_iter()))
     }
 }
 
 fn choice(text: &str) -> Result<Choice, String> {
-    match (text, text.parse()) {
-        ("list", _) => Ok(Choice::List),
-        ("all", _) => Ok(Choice::All),
-        (_, Ok(number)) if number > 0 => Ok(Choice::One(number)),
-        _ => Err(format!(
-            "{text:?} is none of list, all, and the number of a run, from 1 on"
-        )),
+    match text {
+        "list" => Ok(Choice::List),
+        "status" => Ok(Choice::Status),
+        _ => text.parse().map(Choice::Run),
     }
 }
 

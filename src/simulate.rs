@@ -1,12 +1,13 @@
 //! The program `gshear-mpi`: parses the command line, runs the simulation, returns the exit code.
 
-use std::path::{Path, PathBuf};
+use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
-use gshear_dem::domain::Exchange;
+use gshear_dem::domain::{Exchange, Solo};
 use gshear_dem::failure::{Failure, Result, STOPPED_EARLY};
 use gshear_driver::folder::{named, same_folder};
 use gshear_driver::launch::{self, Changes, Task};
@@ -14,9 +15,10 @@ use gshear_driver::options::{Options, Outcome, Verbosity};
 use gshear_driver::preview::{check, check_continued};
 use gshear_driver::say::{say, say_error};
 use gshear_driver::signals::Signals;
-use gshear_driver::sweep::Sweep;
+use gshear_driver::sweep::jobs::{self, Jobs};
+use gshear_driver::sweep::{Selection, Sweep, table};
 use gshear_driver::version;
-use gshear_mpi_exchange::World;
+use gshear_mpi_exchange::{Parallel, World, launcher_variable};
 use gshear_scene::Source;
 use gshear_scene::packing::split_frame;
 use gshear_store::collective::told_by_root;
@@ -31,6 +33,14 @@ pub fn simulate(commit: &'static str) -> ExitCode {
     // Before MPI starts, which takes a while: a signal without a handler ends the program at once.
     let signals = Signals::catch();
     provenance::set_git_commit(commit);
+    if let Ok(arguments) = CommandLine::try_parse()
+        && let Some(at_a_time) = arguments.jobs
+        && launcher_variable().is_none()
+    {
+        // Without MPI: the launchers of the runs would take this process for a rank.
+        let outcome = signals.and_then(|_| run_at_a_time(&arguments, at_a_time.into()));
+        return ExitCode::from(exit_code(&outcome, true) as u8);
+    }
     let world = World::start();
     let speaks = world.rank() == 0;
     let arguments = match CommandLine::try_parse() {
@@ -52,16 +62,7 @@ pub fn simulate(commit: &'static str) -> ExitCode {
     };
     let launched = world.check_launcher();
     let outcome = signals.and(launched).and_then(|()| go(&world, &arguments));
-    let code = match &outcome {
-        Ok(Outcome::Done) => 0,
-        Ok(Outcome::Stopped) => STOPPED_EARLY,
-        Err(failure) => {
-            if speaks {
-                say_error(&format!("error: {failure}"));
-            }
-            failure.exit_code()
-        }
-    };
+    let code = exit_code(&outcome, speaks);
     // All ranks know the outcome, but only one may have a file that it could not close.
     let left_open = world.maximum(f64::from(u8::from(h5::is_left_open()))) > 0.0;
     if left_open || matches!(outcome, Err(Failure::Other(_))) {
@@ -72,9 +73,27 @@ pub fn simulate(commit: &'static str) -> ExitCode {
     ExitCode::from(code as u8)
 }
 
-fn go(world: &World, arguments: &CommandLine) -> Result<Outcome> {
-    let mut options = Options {
-        out: PathBuf::new(),
+/// The exit code of an outcome; `speaks`: whether to say why it failed.
+fn exit_code(outcome: &Result<Outcome>, speaks: bool) -> i32 {
+    match outcome {
+        Ok(Outcome::Done) => 0,
+        Ok(Outcome::Stopped) => STOPPED_EARLY,
+        Err(failure) => {
+            if speaks {
+                say_error(&format!("error: {failure}"));
+            }
+            failure.exit_code()
+        }
+    }
+}
+
+/// The options of the command line, with the default folder of the results.
+fn options(arguments: &CommandLine) -> Options {
+    let config = arguments.config.as_deref().and_then(Path::file_stem);
+    let name = config.map_or("plane-shear-2d".into(), |stem| stem.to_string_lossy());
+    let out = arguments.out.clone();
+    Options {
+        out: out.unwrap_or_else(|| Path::new("out").join(&*name)),
         stop_at: arguments.stop_at,
         wall_time: arguments.walltime,
         threads: arguments.threads.into(),
@@ -87,7 +106,39 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome> {
             _ => Verbosity::Normal,
         },
         replay: None,
+    }
+}
+
+/// Runs several runs of a sweep at a time. Not collective.
+fn run_at_a_time(arguments: &CommandLine, at_a_time: usize) -> Result<Outcome> {
+    let Some(Choice::Run(chosen)) = &arguments.sweep else {
+        return Err(Failure::input(
+            "--jobs is for runs of a sweep; give it with --sweep all, or with the numbers of runs",
+        ));
     };
+    let options = options(arguments);
+    let source = read(&Solo, arguments)?;
+    let sweep = Sweep::new(&source, &arguments.set, options.out.clone())?;
+    let config = arguments.config.iter().map(OsString::from);
+    let set = arguments
+        .set
+        .iter()
+        .map(|set| format!("--set={set}").into());
+    let jobs = Jobs {
+        at_a_time,
+        ranks: arguments.ranks.into(),
+        arguments: config.chain(set).collect(),
+    };
+    jobs::run(&sweep, chosen, &jobs, &options)
+}
+
+fn go(world: &World, arguments: &CommandLine) -> Result<Outcome> {
+    if let (Some(_), Some(variable)) = (arguments.jobs, launcher_variable()) {
+        return Err(Failure::input(format!(
+            "--jobs starts each run itself, and {variable} says that a launcher started this program; leave out mpirun or srun, give the ranks of a run with --ranks, or remove {variable} from the environment"
+        )));
+    }
+    let mut options = options(arguments);
     let resume = arguments.resume.as_deref();
     let auto = resume == Some(Path::new(AUTO));
     if let Some(path) = resume
@@ -101,11 +152,7 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome> {
         ));
     }
     let source = read(world, arguments)?;
-    let config = arguments.config.as_deref().and_then(Path::file_stem);
-    let name = config.map_or("plane-shear-2d".into(), |stem| stem.to_string_lossy());
-    let out = arguments.out.clone();
-    options.out = out.unwrap_or_else(|| Path::new("out").join(&*name));
-    let Some(choice) = arguments.sweep else {
+    let Some(choice) = &arguments.sweep else {
         let begin = || launch::from_the_start(world, &source, &arguments.set);
         if auto && arguments.check {
             return check_continued(world, begin, &options).map(|()| Outcome::Done);
@@ -122,13 +169,15 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome> {
     };
     let sweep = Sweep::new(&source, &arguments.set, options.out.clone())?;
     match choice {
-        Choice::All if !arguments.check => sweep.all(world, &options),
+        Choice::List => sweep
+            .list(world, &Selection::All, &options)
+            .map(|()| Outcome::Done),
+        Choice::Status => table::status(&sweep, world, &options).map(|()| Outcome::Done),
         // The list checks every scene, and says what they take together.
-        Choice::All | Choice::List => sweep.list(world, &options).map(|()| Outcome::Done),
-        Choice::One(number) if arguments.check => {
-            sweep.check(world, number, &options).map(|()| Outcome::Done)
+        Choice::Run(chosen) if arguments.check => {
+            sweep.check(world, chosen, &options).map(|()| Outcome::Done)
         }
-        Choice::One(number) => sweep.one(world, number, &options),
+        Choice::Run(chosen) => sweep.run(world, chosen, &options),
     }
 }
 
@@ -219,11 +268,11 @@ fn check_or_run(
 }
 
 /// Reads the configuration on one rank, so that all ranks run the same scene.
-fn read(world: &World, arguments: &CommandLine) -> Result<Source> {
+fn read(exchange: &dyn Parallel, arguments: &CommandLine) -> Result<Source> {
     let read = || match &arguments.config {
         Some(path) => Source::read(path).map(Some),
         None => Ok(Some(Source::embedded())),
     };
-    let source = told_by_root(world, read)?;
+    let source = told_by_root(exchange, read)?;
     Ok(source.expect("rank 0 has read it"))
 }

@@ -204,7 +204,7 @@ def folder(tmp_path: Path) -> Path:
         ("gshear-mpi configs/", ["configs/a.toml", "configs/b.toml"]),
         ("gshear-mpi --out out configs/", ["configs/a.toml", "configs/b.toml"]),
         ("gshear-mpi --s", ["--set", "--sweep", "--stop-at"]),
-        ("gshear-mpi own.toml --sweep ", ["list", "all"]),
+        ("gshear-mpi own.toml --sweep ", ["list", "status", "all"]),
         ("gshear-mpi own.toml --sweep l", ["list"]),
         ("gshear-mpi own.toml --resume a", ["auto"]),
         ("gshear-mpi --resume out/", ["out/run.h5"]),

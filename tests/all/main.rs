@@ -49,6 +49,7 @@ mod stages_in_turn;
 mod stiffness_of_laws;
 mod stress;
 mod sweep;
+mod sweep_jobs;
 mod terminal;
 mod trajectory;
 mod version;

@@ -155,7 +155,7 @@ fn what_will_not_do_is_refused() {
             "sweep: makes 4 runs of this scene; --sweep list",
         ),
         (&["--sweep=5"], "--sweep 5: there are the runs 1 to 4"),
-        (&["--sweep=0"], "is none of list, all"),
+        (&["--sweep=0"], "is none of list, status, all"),
         (
             &["--sweep=all", "--set=seed=3"],
             "seed is a key of the sweep",

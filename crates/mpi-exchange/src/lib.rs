@@ -47,4 +47,4 @@ mod world;
 pub use parallel::Parallel;
 pub use processor::processor_time;
 pub use watchdog::{LoneFailure, Waiting};
-pub use world::{World, end_process, library_version};
+pub use world::{World, end_process, launcher_variable, library_version};

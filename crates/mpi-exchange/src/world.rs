@@ -261,6 +261,22 @@ fn launched(
     variable: impl Fn(&str) -> Option<String>,
     process: u32,
 ) -> Option<(&'static str, u64)> {
+    let mut found = launchers(variable, process);
+    found.find(|(_, ranks)| *ranks > 1)
+}
+
+/// The variable by which a launcher tells this process that it is a rank, even a single one.
+pub fn launcher_variable() -> Option<&'static str> {
+    let variable = |name: &str| std::env::var(name).ok();
+    let (name, _) = launchers(variable, std::process::id()).next()?;
+    Some(name)
+}
+
+/// The variables of launchers that a process has, each with the number of ranks that it tells.
+fn launchers(
+    variable: impl Fn(&str) -> Option<String>,
+    process: u32,
+) -> impl Iterator<Item = (&'static str, u64)> {
     let number = |name: &str| variable(name)?.parse::<u64>().ok();
     // Other processes of a job script have the variables of the batch system, too: the script's own
     // programs, and those that mpirun starts on other nodes.
@@ -277,7 +293,7 @@ fn launched(
         // The number of its ranks is not in the environment.
         number("PMIX_RANK").map(|rank| ("PMIX_RANK", rank + 1)),
     ];
-    found.into_iter().flatten().find(|(_, ranks)| *ranks > 1)
+    found.into_iter().flatten()
 }
 
 /// The same bytes; an empty slice with a valid address. Rust gives an empty slice of bytes the

@@ -53,26 +53,37 @@ struct Screen {
 }
 
 impl Screen {
-    /// The terminal of standard output or standard error. Open MPI gives every rank a
-    /// pseudo-terminal as standard output; it has the size of the terminal that mpirun itself
-    /// writes to, and none if mpirun writes to a file or a pipe.
     fn find() -> Option<Self> {
-        let mut terms = [Term::stdout(), Term::stderr()].into_iter();
-        let term = terms.find(|term| term.is_term() && term.size_checked().is_some())?;
-        let target = ProgressDrawTarget::term(term.clone(), 10);
-        if target.is_hidden() {
-            return None;
-        }
+        let (term, target) = drawable()?;
         let bar = ProgressBar::with_draw_target(None, target);
-        bar.set_style(ProgressStyle::with_template("{msg}").expect("a sound template"));
-        let no_colour = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+        bar.set_style(plain_message());
         Some(Self {
             term,
             has_lines: Term::stdout().is_term(),
             line: bar,
-            styled: !no_colour,
+            styled: is_coloured(),
         })
     }
+}
+
+/// The terminal of standard output or standard error on which lines of progress can be drawn. Open
+/// MPI gives every rank a pseudo-terminal as standard output; it has the size of the terminal that
+/// mpirun itself writes to, and none if mpirun writes to a file or a pipe.
+pub(crate) fn drawable() -> Option<(Term, ProgressDrawTarget)> {
+    let mut terms = [Term::stdout(), Term::stderr()].into_iter();
+    let term = terms.find(|term| term.is_term() && term.size_checked().is_some())?;
+    let target = ProgressDrawTarget::term(term.clone(), 10);
+    (!target.is_hidden()).then_some((term, target))
+}
+
+/// The style of a line of progress that is its message.
+pub(crate) fn plain_message() -> ProgressStyle {
+    ProgressStyle::with_template("{msg}").expect("a sound template")
+}
+
+/// Whether the environment leaves terminals their colours.
+pub(crate) fn is_coloured() -> bool {
+    std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
 }
 
 impl Terminal {

@@ -1,4 +1,11 @@
-//! The runs of a sweep.
+//! The runs of a sweep: which there are, what is left of them, and one after the other. [`jobs`]
+//! runs several at the same time, [`table`] says how far they are.
+
+mod ended;
+pub mod jobs;
+mod lines;
+mod selection;
+pub mod table;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -17,6 +24,8 @@ use crate::preview::{check_continued, doubts};
 use crate::say::{self, say_error};
 use crate::terminal::progress::duration;
 use crate::terminal::ranks;
+use ended::Ended;
+pub use selection::{ALL, Selection};
 
 /// The runs of a configuration with a sweep.
 pub struct Sweep<'a> {
@@ -63,18 +72,26 @@ impl<'a> Sweep<'a> {
         })
     }
 
-    /// Prints the runs and their progress, and on standard error what is left to do; collective.
+    /// Prints the chosen runs and what is done of each, and on standard error what is left to do;
+    /// collective.
     ///
     /// # Errors
-    /// A run with an invalid scene, or more ranks than it has room for.
-    pub fn list(&self, exchange: &dyn Parallel, options: &Options) -> Result<()> {
+    /// A number without a run, a run with an invalid scene, or more ranks than it has room for.
+    pub fn list(
+        &self,
+        exchange: &dyn Parallel,
+        chosen: &Selection,
+        options: &Options,
+    ) -> Result<()> {
+        let numbers = chosen.numbers(self.members.len())?;
         let (mut left, mut work, mut time, mut disk) = (0, 0.0, Some(0.0), 0.0);
         // The runs of a sweep are alike.
         let (mut speed, mut strain_step) = (None, None);
         let quiet = options.verbosity == Verbosity::Quiet;
         // Of each warning the first run, and the number of all.
         let mut doubted: Vec<(String, usize, usize)> = Vec::new();
-        for (k, member) in self.members.iter().enumerate() {
+        for &number in &numbers {
+            let member = self.member(number);
             let task = self.task(exchange, member)?;
             let folder = self.folder(member);
             let failed =
@@ -99,7 +116,7 @@ impl<'a> Sweep<'a> {
                 for doubt in doubts(task) {
                     match doubted.iter_mut().find(|(known, ..)| *known == doubt) {
                         Some((_, _, runs)) => *runs += 1,
-                        None => doubted.push((doubt, k + 1, 1)),
+                        None => doubted.push((doubt, number, 1)),
                     }
                 }
                 left += 1;
@@ -107,14 +124,14 @@ impl<'a> Sweep<'a> {
                 time = time.zip(estimate.time()).map(|(sum, time)| sum + time);
                 disk += estimate.disk();
             }
-            let line = format!("{:>4}  {state:<8}{}", k + 1, member.name);
+            let line = format!("{number:>4}  {state:<8}{}", member.name);
             say::print(exchange, &line)?;
         }
         if exchange.rank() == 0 && left > 0 {
             let time = time.map_or("an unknown time".into(), duration);
             say_error(&format!(
                 "left to do: {left} of {} runs, about {work:.1e} grain-steps, {time} one after the other on {}, {} of files",
-                self.members.len(),
+                numbers.len(),
                 ranks(exchange.size()),
                 bytes(disk)
             ));
@@ -129,17 +146,50 @@ impl<'a> Sweep<'a> {
         Ok(())
     }
 
-    /// Starts or resumes run `number`, counted from 1, unless it is done; collective.
+    /// Starts or resumes the chosen runs, one after the other, until one stops early; those that
+    /// are done are skipped. Goes on after a run that fails by its input or its numbers.
+    /// Collective.
     ///
     /// # Errors
-    /// A number without a run, a folder with a run of another scene, or a run that fails.
-    pub fn one(
+    /// A number without a run; an invalid scene, before any run starts; as of [`Ended::outcome`] if
+    /// runs failed; any other failure at once.
+    pub fn run(
         &self,
         exchange: &dyn Parallel,
-        number: usize,
+        chosen: &Selection,
         options: &Options,
     ) -> Result<Outcome> {
-        let member = self.member(number)?;
+        let numbers = chosen.numbers(self.members.len())?;
+        if let [number] = numbers[..] {
+            return self.one(exchange, number, options);
+        }
+        let begun = Instant::now();
+        // Finds invalid scenes before the first run starts.
+        for &number in &numbers {
+            self.task(exchange, self.member(number))?;
+        }
+        let mut ended = Ended::default();
+        for number in numbers {
+            let options = Options {
+                wall_time: options.wall_time_after(begun.elapsed()),
+                ..options.clone()
+            };
+            let name = &self.member(number).name;
+            match self.one(exchange, number, &options) {
+                Ok(Outcome::Done) => ended.add(name, Ok(Outcome::Done)),
+                Err(failure @ (Failure::Numbers(_) | Failure::Input(_))) => {
+                    say(exchange, &format!("sweep: {name} failed: {failure}"));
+                    ended.add(name, Err(failure));
+                }
+                other => return other,
+            }
+        }
+        ended.outcome()
+    }
+
+    /// Starts or resumes a run, unless it is done; collective.
+    fn one(&self, exchange: &dyn Parallel, number: usize, options: &Options) -> Result<Outcome> {
+        let member = self.member(number);
         let task = self.task(exchange, member)?;
         let mut options = self.options_of(member, options);
         await_lock(exchange, &mut options);
@@ -158,58 +208,28 @@ impl<'a> Sweep<'a> {
         task.run(exchange, &options)
     }
 
-    /// Runs all of them, one after the other, until one stops early. Goes on after a run whose
-    /// numbers fail; collective.
-    ///
-    /// # Errors
-    /// A run that fails; if only numbers failed, the first such run, after all runs.
-    pub fn all(&self, exchange: &dyn Parallel, options: &Options) -> Result<Outcome> {
-        let begun = Instant::now();
-        // Finds invalid scenes before the first run starts.
-        for member in &self.members {
-            self.task(exchange, member)?;
-        }
-        let mut failed = Vec::new();
-        for (k, member) in self.members.iter().enumerate() {
-            let options = Options {
-                wall_time: options.wall_time_after(begun.elapsed()),
-                ..options.clone()
-            };
-            match self.one(exchange, k + 1, &options) {
-                Ok(Outcome::Done) => {}
-                Err(Failure::Numbers(what)) => {
-                    say(exchange, &format!("sweep: {} failed: {what}", member.name));
-                    failed.push(format!("{}: {what}", member.name));
-                }
-                other => return other,
-            }
-        }
-        match failed.first() {
-            None => Ok(Outcome::Done),
-            Some(first) => Err(Failure::numbers(format!(
-                "{} of {} runs of the sweep failed, first {first}",
-                failed.len(),
-                self.members.len()
-            ))),
-        }
-    }
-
-    /// Prints the scene of run `number` and what is left to do of it; collective.
+    /// Prints the scene of a run and what is left to do of it, of several runs a list of them;
+    /// collective.
     ///
     /// # Errors
     /// A number without a run, an invalid scene, or more ranks than it has room for.
-    pub fn check(&self, exchange: &dyn Parallel, number: usize, options: &Options) -> Result<()> {
-        let member = self.member(number)?;
+    pub fn check(
+        &self,
+        exchange: &dyn Parallel,
+        chosen: &Selection,
+        options: &Options,
+    ) -> Result<()> {
+        let [number] = chosen.numbers(self.members.len())?[..] else {
+            return self.list(exchange, chosen, options);
+        };
+        let member = self.member(number);
         let options = self.options_of(member, options);
         check_continued(exchange, || self.task(exchange, member), &options)
     }
 
-    fn member(&self, number: usize) -> Result<&Member> {
-        let member = number.checked_sub(1).and_then(|k| self.members.get(k));
-        member.ok_or_else(|| {
-            let runs = self.members.len();
-            Failure::input(format!("--sweep {number}: there are the runs 1 to {runs}"))
-        })
+    /// The run of a number that there is, from 1 on.
+    fn member(&self, number: usize) -> &Member {
+        &self.members[number - 1]
     }
 
     /// A run from the start.
