@@ -6,13 +6,15 @@
 # These variables of the environment change a job:
 #
 #   CHAIN=N       at most N jobs, one after the other: a run that stops early goes on in another job
+#   RUNS=N        N runs of the sweep at a time, which share the cores of the job, on one node: in a
+#                 job array each job has N runs, without one the job has all runs
 #   MARGIN=S      the run stops S seconds before the job must end (180), but not before half of its
 #                 time if MARGIN is not set
 #   GSHEAR=PATH   the program, if it is neither target/release/gshear-mpi beside job-scripts/ nor
 #                 gshear-mpi in the path
 #   LAUNCH=CMD    starts the ranks, instead of what is usual for the batch system
 #   BIND=core     on whole nodes, with Open MPI's mpirun (PBS, LSF): each rank keeps to as many cores
-#                 as it has threads, and so to the memory beside them
+#                 as it has threads, and so to the memory beside them; not with RUNS
 #   JOB_SCRIPTS=DIR   this folder, if the job is not submitted from the folder of the project
 
 scripts=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -48,6 +50,8 @@ read_arguments() {
         fail "no program $program; build it with cargo build --release, or set GSHEAR to its path"
     [[ ${CHAIN:-1} =~ ^[1-9][0-9]*$ ]] || fail "CHAIN=$CHAIN: must be a number of jobs, from 1 on"
     [[ ${MARGIN:-0} =~ ^[0-9]+$ ]] || fail "MARGIN=$MARGIN: must be a number of seconds"
+    [[ ${RUNS:-1} =~ ^[1-9][0-9]*$ ]] ||
+        fail "RUNS=$RUNS: must be a number of runs at a time, from 1 on"
     [[ ${THREADS:-1} =~ ^[1-9][0-9]*$ ]] ||
         fail "THREADS=$THREADS: must be a number of threads for each rank, from 1 on"
     arguments=("$@")
@@ -73,17 +77,26 @@ seconds() {
     fi
 }
 
-# run INDEX LEFT THREADS LAUNCHER...: runs the scene, or run INDEX of its sweep, and sets `code` to
-# its exit code. LEFT: seconds until the job must end; empty if that is unknown.
+# run INDEX LEFT THREADS RANKS LAUNCHER...: runs the scene, or run INDEX of its sweep, or with RUNS
+# the INDEX-th RUNS runs, and sets `code` to its exit code. LEFT: seconds until the job must end;
+# empty if that is unknown. RANKS: of the whole job.
 run() {
-    local index=$1 left=$2 threads=$3
-    shift 3
+    local index=$1 left=$2 threads=$3 ranks=$4
+    shift 4
     local launch=("$@")
     if [[ -n ${LAUNCH:-} ]]; then
         read -r -a launch <<<"$LAUNCH"
     fi
     # A run of a sweep continues without being told.
-    if [[ -n $index ]]; then
+    if [[ -n ${RUNS:-} ]]; then
+        ((RUNS <= ranks)) || fail "RUNS=$RUNS: this job has $ranks ranks, one for each run at least"
+        local runs=all
+        [[ -z $index ]] || runs=$(((index - 1) * RUNS + 1))-$((index * RUNS))
+        arguments+=(--sweep "$runs" --jobs "$RUNS" --ranks $((ranks / RUNS)))
+        # The program starts the ranks of each run itself.
+        [[ -z ${LAUNCH:-} ]] || export MPIRUN=$LAUNCH
+        launch=()
+    elif [[ -n $index ]]; then
         arguments+=(--sweep "$index")
     else
         arguments+=(--resume auto)
@@ -106,9 +119,10 @@ run() {
     fi
     # The signal before the end of the job is for the ranks; the script waits for them.
     trap : USR1 USR2
-    echo "$(date '+%F %T') ${launch[*]} $program ${arguments[*]}"
+    launch+=("$program" "${arguments[@]}")
+    echo "$(date '+%F %T') ${launch[*]}"
     code=0
-    "${launch[@]}" "$program" "${arguments[@]}" || code=$?
+    "${launch[@]}" || code=$?
     echo "$(date '+%F %T') exit code $code"
 }
 

@@ -5,6 +5,8 @@
 #   flux batch job-scripts/flux.sh my.toml --out out/other    options of gshear-mpi follow the scene
 #   for i in {1..12}; do flux batch --env=INDEX=$i job-scripts/flux.sh my.toml; done
 #                                                             the 12 runs of its [sweep]
+#   for i in {1..3}; do flux batch -n 8 --env=RUNS=4 --env=INDEX=$i job-scripts/flux.sh my.toml; done
+#                                                             them, 4 at a time in each job
 #   flux batch --env=CHAIN=20 job-scripts/flux.sh my.toml     a chain of at most 20 jobs
 #
 # Submit from the folder of the project. Options of flux batch take precedence over the lines below.
@@ -28,7 +30,7 @@ source "${JOB_SCRIPTS:-job-scripts}/common.sh" || {
     echo "error: submit from the folder of the project, or set JOB_SCRIPTS to its job-scripts" >&2
     exit 2
 }
-usage="usage: flux batch [--env=INDEX=I] [--env=CHAIN=N] job-scripts/flux.sh CONFIG.toml [OPTIONS of gshear-mpi]"
+usage="usage: flux batch [--env=INDEX=I] [--env=RUNS=N] [--env=CHAIN=N] job-scripts/flux.sh CONFIG.toml [OPTIONS of gshear-mpi]"
 in_job Flux "$(flux getattr jobid 2>/dev/null || true)" "$usage"
 read_arguments "$usage" "$@"
 
@@ -39,7 +41,7 @@ cores=$(flux resource list --states=up --no-header --format='{ncores}')
 left=$(flux job timeleft 2>/dev/null || true)
 ((${left:-0} < 4000000000)) || left=
 
-run "${INDEX:-}" "$left" "$threads" \
+run "${INDEX:-}" "$left" "$threads" $((cores / threads)) \
     flux run --ntasks=$((cores / threads)) --cores-per-task="$threads"
 
 # with_chain N: the job on standard input, with CHAIN=N.

@@ -4,6 +4,8 @@
 #   CONFIG=my.toml bsub < job-scripts/lsf.sh                            one run, results in out/my
 #   CONFIG=my.toml OPTIONS="--out out/other" bsub < job-scripts/lsf.sh  options of gshear-mpi
 #   CONFIG=my.toml bsub -J "gshear[1-12]%4" < job-scripts/lsf.sh        the 12 runs of its [sweep]
+#   CONFIG=my.toml RUNS=4 bsub -n 8 -J "gshear[1-3]" < job-scripts/lsf.sh
+#                                                                       them, 4 at a time in each job
 #   CONFIG=my.toml bsub -Q 75 < job-scripts/lsf.sh                      a chain of jobs
 #   CONFIG=my.toml bsub -Q 75 -J "gshear[1-12]" < job-scripts/lsf.sh    a chain for each run
 #
@@ -51,6 +53,7 @@ left=$(seconds "${left:+$left:00}")
 
 # Jobs that share a node would bind their ranks to the same cores.
 place_ranks "${THREADS:-1}"
-run "$index" "$left" "${THREADS:-1}" mpirun "${place[@]}" -n "$LSB_DJOB_NUMPROC"
+run "$index" "$left" "${THREADS:-1}" "$LSB_DJOB_NUMPROC" \
+    mpirun "${place[@]}" -n "$LSB_DJOB_NUMPROC"
 ((code != 75)) || echo "stopped early; goes on if the job was submitted with -Q 75"
 exit "$code"

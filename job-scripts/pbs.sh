@@ -4,6 +4,8 @@
 #   qsub -v CONFIG=my.toml job-scripts/pbs.sh                            one run, results in out/my
 #   qsub -v CONFIG=my.toml,OPTIONS="--out out/other" job-scripts/pbs.sh  options of gshear-mpi
 #   qsub -J 1-12 -v CONFIG=my.toml job-scripts/pbs.sh                    the 12 runs of its [sweep]
+#   qsub -J 1-3 -l select=1:ncpus=8:mpiprocs=8 -v CONFIG=my.toml,RUNS=4 job-scripts/pbs.sh
+#                                                                        them, 4 at a time in each job
 #   qsub -v CONFIG=my.toml,CHAIN=20 job-scripts/pbs.sh                   a chain of at most 20 jobs
 #   qsub -J 1-12 -v CONFIG=my.toml,CHAIN=20 job-scripts/pbs.sh           a chain for each run
 #
@@ -28,7 +30,7 @@ source "${JOB_SCRIPTS:-job-scripts}/common.sh" || {
     echo "error: submit from the folder of the project, or set JOB_SCRIPTS to its job-scripts" >&2
     exit 2
 }
-usage="usage: qsub [-J 1-N] -v CONFIG=my.toml[,OPTIONS=\"...\"][,CHAIN=N] job-scripts/pbs.sh"
+usage="usage: qsub [-J 1-N] -v CONFIG=my.toml[,OPTIONS=\"...\"][,RUNS=N][,CHAIN=N] job-scripts/pbs.sh"
 in_job PBS "${PBS_JOBID:-}" "$usage"
 read_arguments "$usage" "$@"
 
@@ -47,13 +49,13 @@ ranks=$(wc -l <"$PBS_NODEFILE")
 
 # Jobs that share a node would bind their ranks to the same cores.
 place_ranks "$threads"
-run "$index" "${left:+$((left - SECONDS))}" "$threads" \
+run "$index" "${left:+$((left - SECONDS))}" "$threads" "$ranks" \
     mpirun "${place[@]}" --hostfile "$PBS_NODEFILE" -n "$ranks"
 
 if goes_on 1; then
     export CHAIN=$((CHAIN - 1)) INDEX=$index
     names=()
-    for name in CONFIG OPTIONS CHAIN INDEX MARGIN THREADS GSHEAR LAUNCH JOB_SCRIPTS SCRIPT; do
+    for name in CONFIG OPTIONS CHAIN INDEX RUNS MARGIN THREADS GSHEAR LAUNCH JOB_SCRIPTS SCRIPT; do
         [[ -z ${!name:-} ]] || names+=("$name")
     done
     resources=(-l "select=$(attribute Resource_List.select)")

@@ -4,6 +4,8 @@
 #   sbatch job-scripts/slurm.sh my.toml                            one run, results in out/my
 #   sbatch job-scripts/slurm.sh my.toml --out out/other            options of gshear-mpi follow the scene
 #   sbatch --array=1-12%4 job-scripts/slurm.sh my.toml             the 12 runs of its [sweep], 4 at a time
+#   RUNS=4 sbatch --array=1-3 --ntasks=8 job-scripts/slurm.sh my.toml
+#                                                                  these 12 runs, 4 at a time in each job
 #   CHAIN=20 sbatch job-scripts/slurm.sh my.toml                   a chain of at most 20 jobs
 #   CHAIN=20 sbatch --array=1-12 job-scripts/slurm.sh my.toml      a chain for each run of the sweep
 #
@@ -44,7 +46,7 @@ threads=${SLURM_CPUS_PER_TASK:-1}
 left=$(seconds "$(squeue --noheader --job "$job" --format %L 2>/dev/null || true)")
 
 # Without pmix in Slurm (srun --mpi=list) set LAUNCH=mpirun. srun does not inherit --cpus-per-task.
-run "$index" "$left" "$threads" srun --mpi=pmix --cpus-per-task="$threads"
+run "$index" "$left" "$threads" "${SLURM_NTASKS:-1}" srun --mpi=pmix --cpus-per-task="$threads"
 
 if goes_on $((${SLURM_RESTART_COUNT:-0} + 1)); then
     echo "stopped early; job $job goes back into the queue"

@@ -185,8 +185,29 @@ fn jobs_of_pbs_with_stand_ins() {
         assert!(jobs[job].1.contains(&begins), "{}", jobs[job].1);
     }
 
+    // Two runs at a time in each of two jobs; the second one has the rest of them.
+    let packed = Pbs::new(&project, "packed");
+    let variables = format!(
+        "CONFIG=sweep.toml,OPTIONS={} --out=out/packed,RUNS=3",
+        SHORT[0]
+    );
+    let of_three = "select=1:ncpus=3:mpiprocs=3";
+    packed.submit(&[
+        "-J", "1-2", "-l", of_three, "-l", walltime, "-v", &variables,
+    ]);
+    for ((code, text), said) in packed.run().iter().zip([
+        ["--sweep 1-3 --jobs 3 --ranks 1", "3 of 3 runs are done"],
+        ["--sweep 4-6 --jobs 3 --ranks 1", "1 of 1 runs are done"],
+    ]) {
+        assert_eq!(*code, 0, "{text}");
+        for part in said {
+            assert!(text.contains(part), "no {part} in {text}");
+        }
+    }
+
     for (variables, code) in [
         ("CONFIG=my.toml,OPTIONS=--set=seed=-1,CHAIN=9", 2),
+        ("CONFIG=sweep.toml,RUNS=2", 2),
         ("CHAIN=9", 2),
         ("CONFIG=my.toml,CHAIN=many", 2),
         ("CONFIG=my.toml,JOB_SCRIPTS=nowhere", 2),
