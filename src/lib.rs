@@ -2,27 +2,34 @@
 //! their own call, and [`CommandLine`] its command line, of which `packaging/manual` makes
 //! completions and manual pages.
 
+mod new_scene;
 mod simulate;
 
 use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::Parser;
-use clap::builder::{PossibleValue, TypedValueParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Parser, Subcommand};
 
 use gshear_driver::sweep::{ALL, Selection};
+use gshear_scene::templates::{TEMPLATES, Template, template};
 pub use simulate::simulate;
 
 /// Shears a frictional granular packing: mpirun -n RANKS gshear-mpi [CONFIG.toml]
 #[derive(Debug, Parser)]
-#[command(version, about, max_term_width = 100)]
+#[command(
+    version,
+    about,
+    max_term_width = 100,
+    args_conflicts_with_subcommands = true
+)]
 #[command(after_help = "\
 mpirun -n RANKS gshear-mpi CONFIG.toml runs a scene on RANKS ranks, to the same bits on any number; \
 without mpirun it runs on one.
 
 Without CONFIG.toml the embedded default scene runs (configs/plane-shear-2d.toml, the fast version of \
-Lee & Hurley).
+Lee & Hurley). gshear-mpi new NAME writes a scene to start from.
 
 Results in the folder of --out: run.h5 (H5MD: frames and time series), log.csv, the last two \
 checkpoints, scene.toml. A sweep writes a folder for each run; --sweep skips runs that are done and \
@@ -102,7 +109,54 @@ pub struct CommandLine {
     /// equations are counted one after the other
     #[arg(long, value_name = "STEP")]
     pub stop_at: Option<u64>,
+    /// What to do instead of a run.
+    #[command(subcommand)]
+    pub command: Option<Command>,
 }
+
+/// What the program does instead of a run.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Write a commented scene to start from
+    ///
+    /// Check it with gshear-mpi FILE --check, change it, and run it.
+    #[command(name = NEW)]
+    New {
+        /// Which scene
+        #[arg(value_name = "NAME", value_parser = TemplateParser)]
+        template: &'static Template,
+        /// File of the scene, which must not exist [default: NAME.toml]
+        #[arg(value_name = "FILE.toml")]
+        file: Option<PathBuf>,
+    },
+}
+
+/// Parses the name of a [`Template`]; the names are known to completions of the shells.
+#[derive(Debug, Clone)]
+struct TemplateParser;
+
+impl TypedValueParser for TemplateParser {
+    type Value = &'static Template;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        argument: Option<&clap::Arg>,
+        text: &OsStr,
+    ) -> Result<&'static Template, clap::Error> {
+        let names = TEMPLATES.map(|template| template.name);
+        let name = PossibleValuesParser::new(names).parse_ref(command, argument, text)?;
+        Ok(template(&name).expect("one of the names"))
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        let value = |template: &Template| PossibleValue::new(template.name).help(template.summary);
+        Some(Box::new(TEMPLATES.iter().map(value)))
+    }
+}
+
+/// The command that writes a scene.
+pub const NEW: &str = "new";
 
 /// Value of `--resume` that looks for the run in the folder of the results.
 pub const AUTO: &str = "auto";

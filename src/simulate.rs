@@ -21,11 +21,11 @@ use gshear_driver::version;
 use gshear_mpi_exchange::{Parallel, World, launcher_variable};
 use gshear_scene::Source;
 use gshear_scene::packing::split_frame;
-use gshear_store::collective::told_by_root;
+use gshear_store::collective::{on_root, told_by_root};
 use gshear_store::file_names::is_reduced;
 use gshear_store::{h5, provenance};
 
-use crate::{AUTO, Choice, CommandLine};
+use crate::{AUTO, Choice, Command, CommandLine, new_scene};
 
 /// The program `gshear-mpi`, and of programs with laws of their own
 /// ([`register`](gshear_dem::laws::register)). `commit` names the sources in the files of a run.
@@ -133,6 +133,16 @@ fn run_at_a_time(arguments: &CommandLine, at_a_time: usize) -> Result<Outcome> {
 }
 
 fn go(world: &World, arguments: &CommandLine) -> Result<Outcome> {
+    if let Some(Command::New { template, file }) = &arguments.command {
+        let written = on_root(world, || new_scene::write(template, file.as_deref()))?;
+        if world.rank() == 0 {
+            let path = written.display();
+            say(&format!(
+                "wrote {path}; next: gshear-mpi {path} --check, then mpirun -n 2 gshear-mpi {path}"
+            ));
+        }
+        return Ok(Outcome::Done);
+    }
     if let (Some(_), Some(variable)) = (arguments.jobs, launcher_variable()) {
         return Err(Failure::input(format!(
             "--jobs starts each run itself, and {variable} says that a launcher started this program; leave out mpirun or srun, give the ranks of a run with --ranks, or remove {variable} from the environment"

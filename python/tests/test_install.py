@@ -91,7 +91,11 @@ def test_every_command_has_a_page_without_warnings(root: Path) -> None:
     folder = root / PREFIX / "share/man/man1"
     pages = sorted(folder.iterdir())
     wanted = {f"gshear-reduce-{name}.1" for name in commands()}
-    assert {page.name for page in pages} == wanted | {"gshear-mpi.1", "gshear-reduce.1"}
+    assert {page.name for page in pages} == wanted | {
+        "gshear-mpi.1",
+        "gshear-mpi-new.1",
+        "gshear-reduce.1",
+    }
     ran = subprocess.run(
         ["mandoc", "-T", "lint", "-W", "warning", *pages],  # noqa: S607
         capture_output=True,
@@ -205,6 +209,8 @@ def folder(tmp_path: Path) -> Path:
         ("gshear-mpi --out out configs/", ["configs/a.toml", "configs/b.toml"]),
         ("gshear-mpi --s", ["--set", "--sweep", "--stop-at"]),
         ("gshear-mpi own.toml --sweep ", ["list", "status", "all"]),
+        ("gshear-mpi ne", ["new"]),
+        ("gshear-mpi new walls", ["walls-2d", "walls-3d"]),
         ("gshear-mpi own.toml --sweep l", ["list"]),
         ("gshear-mpi own.toml --resume a", ["auto"]),
         ("gshear-mpi --resume out/", ["out/run.h5"]),

@@ -34,6 +34,7 @@ mod inlined;
 mod jacobian;
 mod job_scripts;
 mod kept_files;
+mod new_scenes;
 mod owners;
 mod packing;
 mod places;

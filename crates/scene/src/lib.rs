@@ -44,6 +44,7 @@
 //! | `check`, `checker` | checks the tables in their order; values, defaults and problems |
 //! | `extent` | refuses a run that would not end or not fit on a disk |
 //! | `write` | writes the values that the checks left as TOML again |
+//! | [`templates`] | scenes to start from |
 //! | [`holes`] | holes in walls of grains, and what closes them |
 //! | [`identity`] | the hash of all that decides the trajectory; changes of a scene at a resume |
 
@@ -76,6 +77,7 @@ mod source;
 mod stages;
 pub mod sweep;
 mod table;
+pub mod templates;
 #[cfg(test)]
 mod testing;
 mod time;

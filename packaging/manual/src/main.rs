@@ -12,8 +12,9 @@ use clap::{Arg, Command, CommandFactory, ValueHint};
 use clap_complete::Shell;
 use clap_mangen::Man;
 use clap_mangen::roff::{Roff, bold, roman};
-use gshear_mpi::{AUTO, CommandLine};
+use gshear_mpi::{AUTO, CommandLine, NEW};
 use gshear_reduce::Arguments;
+use gshear_scene::templates::TEMPLATES;
 
 /// Values that name a folder. Other paths may be files or folders, which shells offer for a file.
 const FOLDERS: [&str; 2] = ["DIR", "NEW_FOLDER"];
@@ -41,6 +42,12 @@ fn main() -> io::Result<()> {
 /// Writes the completions of bash, zsh and fish.
 fn complete(command: Command, folder: &Path) -> io::Result<()> {
     let name = command.get_name().to_string();
+    let is_simulation = command.find_subcommand(NEW).is_some();
+    let command = if is_simulation {
+        without_commands(&command)
+    } else {
+        command
+    };
     let mut command = hinted(command.disable_help_subcommand(true));
     let shells = [
         (Shell::Bash, "bash", name.clone()),
@@ -66,11 +73,8 @@ fn complete(command: Command, folder: &Path) -> io::Result<()> {
             // the values of an option behind a path.
             text = text.replace("'*::", "'*:");
         }
-        if command
-            .get_arguments()
-            .any(|argument| argument.get_id() == "resume")
-        {
-            text = with_auto(&text, shell);
+        if is_simulation {
+            text = with_new(&with_auto(&text, shell), shell);
         }
         fs::create_dir_all(folder.join(place))?;
         fs::write(folder.join(place).join(file), text)?;
@@ -91,6 +95,50 @@ fn hinted(command: Command) -> Command {
         }
     };
     command.mut_args(of_argument).mut_subcommands(hinted)
+}
+
+/// The options of gshear-mpi without its commands: beside an argument that is a file, the
+/// generators offer the commands in the second place, or no files.
+fn without_commands(command: &Command) -> Command {
+    let options = command.get_arguments().cloned();
+    let without = Command::new("gshear-mpi").args(options);
+    without.version(env!("CARGO_PKG_VERSION"))
+}
+
+/// Adds the command `new` with the names of its scenes.
+fn with_new(text: &str, shell: Shell) -> String {
+    let names = TEMPLATES.map(|template| template.name).join(" ");
+    let (place, added) = match shell {
+        Shell::Bash => (
+            "    cmd=\"\"\n",
+            format!(
+                "    if [[ ${{COMP_CWORD}} -eq 2 && ${{COMP_WORDS[1]}} == {NEW} ]]; then\n\
+                 \x20       COMPREPLY=($(compgen -W \"{names}\" -- \"${{COMP_WORDS[2]}}\"))\n\
+                 \x20       return 0\n    fi\n\
+                 \x20   if [[ ${{COMP_CWORD}} -eq 1 && -n ${{COMP_WORDS[1]}} && {NEW} == \"${{COMP_WORDS[1]}}\"* ]]; then\n\
+                 \x20       COMPREPLY=($(compgen -W {NEW} -- \"${{COMP_WORDS[1]}}\") $(compgen -f -- \"${{COMP_WORDS[1]}}\"))\n\
+                 \x20       return 0\n    fi\n"
+            ),
+        ),
+        Shell::Zsh => (
+            "    typeset -A opt_args\n",
+            format!(
+                "    if (( CURRENT == 3 )) && [[ $words[2] == {NEW} ]]; then\n\
+                 \x20       compadd -- {names}\n        return\n    fi\n\
+                 \x20   (( CURRENT == 2 )) && compadd -- {NEW}\n"
+            ),
+        ),
+        _ => ("", {
+            let is_new = format!("__fish_seen_subcommand_from {NEW}; and __fish_is_nth_token 2");
+            format!(
+                "complete -c gshear-mpi -n \"__fish_is_nth_token 1\" -a {NEW}\n\
+                 complete -c gshear-mpi -n \"{is_new}\" -f -a \"{names}\"\n"
+            )
+        }),
+    };
+    let at = text.find(place).expect("the place") + place.len();
+    let (head, tail) = text.split_at(at);
+    head.to_string() + &added + tail
 }
 
 /// Adds the word `auto` to the paths that complete `--resume`: the generators offer words or paths.
