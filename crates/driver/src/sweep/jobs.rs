@@ -67,7 +67,7 @@ const OPEN_MPI: [(&str, &str); 3] = [
 ///
 /// # Errors
 /// A number without a run; an invalid scene, before any run starts; a launcher that cannot be
-/// started; as of [`Ended::outcome`] if runs failed.
+/// started; as of `Ended::outcome` if runs failed.
 pub fn run(
     sweep: &Sweep<'_>,
     chosen: &Selection,

@@ -151,7 +151,7 @@ impl<'a> Sweep<'a> {
     /// Collective.
     ///
     /// # Errors
-    /// A number without a run; an invalid scene, before any run starts; as of [`Ended::outcome`] if
+    /// A number without a run; an invalid scene, before any run starts; as of `Ended::outcome` if
     /// runs failed; any other failure at once.
     pub fn run(
         &self,
