@@ -11,24 +11,23 @@ use mpi::traits::AsRaw;
 
 use crate::node::copy_chosen;
 
-/// Requests of the library. Their buffers must live until they are done, which dropping waits for.
-struct Requests<const N: usize>([ffi::MPI_Request; N]);
+/// A request of the library. Its buffer must live until it is done, which dropping waits for.
+struct Request(ffi::MPI_Request);
 
-impl<const N: usize> Requests<N> {
-    /// Waits until all are done.
-    fn wait(&mut self) {
-        for request in &mut self.0 {
-            // SAFETY: the request is one of the library's, which replaces it by the null request,
-            // for which waiting ends at once; it writes the status, which is not read.
-            unsafe {
-                let mut status = MaybeUninit::uninit();
-                ffi::MPI_Wait(request, status.as_mut_ptr());
-            }
+impl Request {
+    /// Waits until it is done. Returns its status.
+    fn wait(&mut self) -> ffi::MPI_Status {
+        let mut status = MaybeUninit::zeroed();
+        // SAFETY: the request is one of the library's, which replaces it by the null request, for
+        // which waiting ends at once; all bits 0 are a valid status.
+        unsafe {
+            ffi::MPI_Wait(&raw mut self.0, status.as_mut_ptr());
+            status.assume_init()
         }
     }
 }
 
-impl<const N: usize> Drop for Requests<N> {
+impl Drop for Request {
     fn drop(&mut self) {
         self.wait();
     }
@@ -37,7 +36,8 @@ impl<const N: usize> Drop for Requests<N> {
 /// A message to a rank, and one from it.
 pub(crate) struct PostedHalo {
     // Dropped before the buffers.
-    requests: Requests<2>,
+    receive: Request,
+    _send: Request,
     received: Vec<f64>,
     _sent: Vec<f64>,
 }
@@ -57,7 +57,7 @@ impl PostedHalo {
         let count = |numbers: &[f64]| i32::try_from(numbers.len()).expect("a short message");
         // SAFETY: the buffers have as many numbers as the calls say, their memory stays in place
         // when the vectors move, and dropping the requests, which comes first, waits for both.
-        let requests = unsafe {
+        let [receive, send] = unsafe {
             let mut requests = [ffi::RSMPI_REQUEST_NULL; 2];
             let number = f64::equivalent_datatype().as_raw();
             ffi::MPI_Irecv(
@@ -81,21 +81,28 @@ impl PostedHalo {
             requests
         };
         Self {
-            requests: Requests(requests),
+            receive: Request(receive),
+            _send: Request(send),
             received,
             _sent: sent,
         }
     }
 
-    /// Waits for both messages. Returns the one that was received.
-    pub fn end(self) -> Vec<f64> {
-        let Self {
-            mut requests,
-            received,
-            _sent,
-        } = self;
-        requests.wait();
-        received
+    /// Waits for the message of the other rank, and returns it.
+    ///
+    /// # Panics
+    /// If it has another length than was expected.
+    pub fn end(mut self) -> Vec<f64> {
+        let status = self.receive.wait();
+        let mut count = 0;
+        // SAFETY: the status is that of a message of numbers of this type.
+        unsafe {
+            let number = f64::equivalent_datatype().as_raw();
+            ffi::MPI_Get_count(&raw const status, number, &raw mut count);
+        }
+        let expected = self.received.len();
+        assert_eq!(count as usize, expected, "length of a neighbour's message");
+        std::mem::take(&mut self.received)
     }
 }
 
@@ -105,14 +112,15 @@ const TAG: i32 = 1;
 /// A sum over all ranks.
 pub(crate) struct PostedSum {
     // Dropped before the buffers.
-    request: Requests<1>,
+    request: Request,
     sums: Vec<u64>,
     _terms: Vec<u64>,
 }
 
 impl PostedSum {
     pub fn new(communicator: &SimpleCommunicator, values: &[i64]) -> Self {
-        // As u64, whose overflow wraps by definition.
+        // As u64, whose overflow wraps by definition. One message for all values: its latency
+        // exceeds the time for a few thousand numbers.
         let terms: Vec<u64> = values.iter().map(|&value| value as u64).collect();
         let mut sums = vec![0; terms.len()];
         // SAFETY: as in `PostedHalo::new`.
@@ -130,20 +138,15 @@ impl PostedSum {
             request
         };
         Self {
-            request: Requests([request]),
+            request: Request(request),
             sums,
             _terms: terms,
         }
     }
 
     /// Waits for the sums.
-    pub fn end(self) -> Vec<i64> {
-        let Self {
-            mut request,
-            sums,
-            _terms,
-        } = self;
-        request.wait();
-        sums.into_iter().map(|sum| sum as i64).collect()
+    pub fn end(mut self) -> Vec<i64> {
+        self.request.wait();
+        self.sums.iter().map(|&sum| sum as i64).collect()
     }
 }
