@@ -55,7 +55,7 @@ run "$index" "${left:+$((left - SECONDS))}" "$threads" "$ranks" \
 if goes_on 1; then
     export CHAIN=$((CHAIN - 1)) INDEX=$index
     names=()
-    for name in CONFIG OPTIONS CHAIN INDEX RUNS MARGIN THREADS GSHEAR LAUNCH JOB_SCRIPTS SCRIPT; do
+    for name in CONFIG OPTIONS CHAIN INDEX RUNS MARGIN THREADS BIND GSHEAR LAUNCH JOB_SCRIPTS SCRIPT; do
         [[ -z ${!name:-} ]] || names+=("$name")
     done
     resources=(-l "select=$(attribute Resource_List.select)")

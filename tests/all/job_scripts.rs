@@ -56,3 +56,25 @@ fn a_script_outside_of_a_job_says_how_to_submit_it() {
         );
     }
 }
+
+/// Jobs of PBS get the variables by name; those of the other systems have the environment.
+#[test]
+fn the_next_job_of_a_chain_has_every_variable_of_the_first() {
+    let script = |name: &str| {
+        let path = Path::new(ROOT).join("job-scripts").join(name);
+        fs::read_to_string(path).expect("a script")
+    };
+    let pbs = script("pbs.sh");
+    let passed = pbs.lines().find(|line| line.contains("for name in "));
+    let passed: Vec<&str> = passed.expect("their names").split_whitespace().collect();
+    let common = script("common.sh");
+    let documented = common.lines().filter_map(|line| {
+        let (name, _) = line.strip_prefix("#   ")?.split_once('=')?;
+        (!name.starts_with(' ')).then_some(name)
+    });
+    let documented: Vec<&str> = documented.collect();
+    assert!(documented.contains(&"CHAIN") && documented.contains(&"BIND"));
+    for name in documented {
+        assert!(passed.contains(&name), "{name} is not passed on");
+    }
+}
