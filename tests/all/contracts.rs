@@ -63,26 +63,35 @@ fn bookkeeping_never_reaches_the_numbers() {
             assert!(said.contains(" steps at once"), "no bands: {said}");
         }
     }
-    for (ranks, threads) in [(1, 3), (2, 2)] {
+    // With one band, and with several.
+    for (ranks, threads, band) in [(1, 3, 1_000_000), (1, 2, 20), (2, 2, 1_000_000), (2, 2, 20)] {
         let arguments = [
             format!("--resume={}", start.display()),
             format!("--threads={threads}"),
+            format!("--set=bookkeeping.band_grains={band}"),
         ];
         let outcome = gshear_mpi(ranks, &folder.path().join("other"), &arguments);
-        assert_eq!(
-            outcome.digest(),
-            expected,
-            "{ranks} ranks, {threads} threads"
-        );
+        let of = format!("{ranks} ranks, {threads} threads, bands of {band}");
+        assert_eq!(outcome.digest(), expected, "{of}");
+        assert_eq!(outcome.text.contains(" steps at once"), band == 20, "{of}");
         let found = beyond_the_digest(&folder.path().join("other"));
-        assert_eq!(found, beyond, "{ranks} ranks, {threads} threads");
+        assert_eq!(found, beyond, "{of}");
     }
-    // Messages through MPI, as between nodes, in place of shared memory.
-    let arguments = [format!("--resume={}", start.display())];
-    let apart = [("GSHEAR_NO_SHARED_MEMORY", "1")];
-    let other = folder.path().join("other");
-    let outcome = common::with_environment(&apart, 3, &other, &arguments);
-    assert_eq!(outcome.digest(), expected, "3 ranks without shared memory");
+    // Messages through MPI, as between nodes, in place of shared memory: in bands one message has
+    // those of several steps.
+    for band in [1_000_000, 20] {
+        let arguments = [
+            format!("--resume={}", start.display()),
+            format!("--set=bookkeeping.band_grains={band}"),
+        ];
+        let apart = [("GSHEAR_NO_SHARED_MEMORY", "1")];
+        let other = folder.path().join("other");
+        let outcome = common::with_environment(&apart, 3, &other, &arguments);
+        let of = format!("3 ranks without shared memory, bands of {band}");
+        assert_eq!(outcome.digest(), expected, "{of}");
+        assert_eq!(outcome.text.contains(" steps at once"), band == 20, "{of}");
+        assert_eq!(beyond_the_digest(&other), beyond, "{of}");
+    }
     if common::avx2().ends_with("avx2") {
         let other = folder.path().join("avx2");
         let outcome = resumed(&start, &other, 1, &["bookkeeping.simd=avx2"]);

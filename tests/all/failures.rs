@@ -203,6 +203,7 @@ fn a_failing_shear_keeps_what_led_to_it() {
         ("bands", 1, false, bands),
         ("bands of one", 1, true, bands),
         ("bands of two", 2, true, bands),
+        ("bands on threads", 1, true, bands),
     ] {
         let mut arguments = fresh.clone();
         if resumes {
@@ -210,6 +211,9 @@ fn a_failing_shear_keeps_what_led_to_it() {
             arguments = vec![format!("--resume={}", at(name).display())];
         }
         arguments.push(set.into());
+        if name == "bands on threads" {
+            arguments.push("--threads=2".into());
+        }
         let failed = gshear_mpi(ranks, &at(name), &arguments);
         assert_eq!(failed.code, 3, "{name}: {}", failed.text);
         let why = message(&failed.text);
