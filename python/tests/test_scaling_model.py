@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 import importlib.util
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -64,6 +65,18 @@ def test_counts_of_the_model_are_those_of_the_table(model: ModuleType) -> None:
                 compared += 1
             assert int(row["pairs"]) == pytest.approx(law.pairs * int(row["grains"]), rel=0.01)
     assert compared == 13
+
+
+def test_check_has_the_constants_of_the_model(model: ModuleType) -> None:
+    source = (CHECKOUT / "crates" / "driver" / "src" / "layout.rs").read_text("utf-8")
+    blocks = re.findall(r"Constants \{\n((?: +\w+: [\d.e-]+,\n)+)", source)
+    assert len(blocks) == len(model.LAWS)
+    names = "of_pairs", "pairs", "across", "ghosts", "copied", "between_threads", "alone"
+    for block, law in zip(blocks, model.LAWS.values(), strict=True):
+        values = {name: float(value) for name, value in re.findall(r"(\w+): ([\d.e-]+),", block)}
+        assert {name: values[name] for name in names} == {name: getattr(law, name) for name in names}
+        # In the cache.
+        assert values["grain"] in {time for _, time in law.times}
 
 
 def test_parts_of_a_step(model: ModuleType) -> None:
