@@ -36,7 +36,7 @@ crate::columns! {
         grains: "1",
         /// grains of its neighbours that are in pairs with these
         ghosts: "1",
-        /// pairs in the list, of which it owns a grain
+        /// pairs of the list with a grain that it owns
         pairs: "1",
         /// pairs of a grain and a ghost, which both ranks evaluate
         pairs_across_ranks: "1",

@@ -18,14 +18,13 @@ use bytemuck::Zeroable;
 use crate::budget::EnergyBudget;
 use crate::clock::StepPhase;
 use crate::dimension::Dimension;
-use crate::domain::{Accumulator, Exchange, LIMBS};
-use crate::drive::{
-    Drive, Felt, FlowSum, MomentumFlow, WallForces, WallGrains, WallSteps, WallSums,
-};
+use crate::domain::Exchange;
+use crate::drive::{Drive, FlowSum, MomentumFlow, WallGrains, WallSteps, WallSums};
 use crate::failure::{Outside, Result};
 use crate::kernel::{ContactForces, Counting, PairForce, PassInput, PassOutcome};
 use crate::motion::{GrainMotion, Moved, greater_or_nan, slow_down, weigh};
 use crate::state::{Grains, Sheared};
+use crate::sum_over_ranks::{FLAGS, SumOverRanks};
 use crate::system::System;
 use crate::threads::{BandForces, ShareWork, SharesInput};
 use crate::under_way::StepUnderWay;
@@ -186,13 +185,26 @@ struct BandOfStep {
     is_last: bool,
 }
 
-/// What threads found when they moved a band.
-struct MovedBand {
-    moved: Moved,
+/// What threads do with the bands of their shares.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum ShareTask {
+    /// They move the grains.
+    Move,
+    /// They add the forces of the pairs.
+    AddForces,
+    /// Both, where nothing is sent in between.
+    MoveAndAddForces,
+}
+
+/// What a thread found in a band of its share.
+#[derive(Default)]
+struct BandOfShare {
+    /// What the motion found, if the grains moved.
+    moved: Option<Moved>,
     /// How long it took.
     time: Duration,
-    /// What the passes of the pairs within the share found, if the forces followed at once.
-    within_share: PassOutcome,
+    /// What the passes found, if forces were added.
+    forces: PassOutcome,
 }
 
 /// Steps that follow each other through the bands.
@@ -276,7 +288,12 @@ impl<D: Dimension> Sweep<'_, D> {
             }
         }
         let is_alone = self.exchange.size() == 1;
-        self.over_shares(bands, true, is_alone);
+        let task = if is_alone {
+            ShareTask::MoveAndAddForces
+        } else {
+            ShareTask::Move
+        };
+        self.over_shares(bands, task);
         for band in bands.iter().filter(|band| band.is_last) {
             self.end_motion(band.step);
         }
@@ -286,7 +303,7 @@ impl<D: Dimension> Sweep<'_, D> {
             let numbers = bands.iter().map(|band| band.band);
             slabs.begin_exchange(self.exchange, numbers, &grains.record);
             self.system.clock.end(StepPhase::Exchange);
-            self.over_shares(bands, false, true);
+            self.over_shares(bands, ShareTask::AddForces);
         }
         Ok(())
     }
@@ -359,9 +376,9 @@ impl<D: Dimension> Sweep<'_, D> {
         motion.give_predicted::<D>(feet, 0, &mut system.grains.record);
     }
 
-    /// Moves the grains of bands, which then have no force but their weight, and adds the forces of
-    /// the pairs within shares, or does one of both.
-    fn over_shares(&mut self, bands: &[BandOfStep], moves: bool, adds_forces: bool) {
+    /// Has the threads move the grains of bands in their shares, which then have no force but their
+    /// weight, or add the forces of the pairs within these.
+    fn over_shares(&mut self, bands: &[BandOfStep], task: ShareTask) {
         let Self {
             system,
             drive,
@@ -388,30 +405,24 @@ impl<D: Dimension> Sweep<'_, D> {
             samples: request.samples.as_deref_mut(),
         };
         let work = |share: &mut ShareWork<'_, D>| {
-            let mut found: Vec<MovedBand> = Vec::new();
+            let mut found = Vec::with_capacity(bands.len());
             for &BandOfStep { step, band, .. } in bands {
                 let under_way = &steps[step];
                 let motion = &under_way.motion;
-                let mut of_band = MovedBand {
-                    moved: Moved {
-                        fastest: slowest,
-                        flow: FlowSum::default(),
-                    },
-                    time: Duration::ZERO,
-                    within_share: PassOutcome::default(),
-                };
+                let mut of_band = BandOfShare::default();
                 let mut travelled = list.travelled[band];
-                if moves {
+                if task != ShareTask::AddForces {
                     let begun = Instant::now();
                     let is_kicked = *second_kick_deferred || step > 0;
-                    of_band.moved = motion.advance(is_kicked, share.grains_of(band));
+                    let moved = motion.advance(is_kicked, share.grains_of(band));
                     of_band.time = begun.elapsed();
-                    let fastest = greater_or_nan(slowest, of_band.moved.fastest);
+                    let fastest = greater_or_nan(slowest, moved.fastest);
                     let way = list.way(fastest, motion.step, &motion.cell);
                     travelled = list.travelled_after(band, greater_or_nan(way, under_way.way));
+                    of_band.moved = Some(moved);
                 }
-                if adds_forces {
-                    of_band.within_share = share.add_forces(&BandForces {
+                if task != ShareTask::Move {
+                    of_band.forces = share.add_forces(&BandForces {
                         law: *law,
                         band,
                         input: under_way.input_of_band(travelled, step),
@@ -423,28 +434,27 @@ impl<D: Dimension> Sweep<'_, D> {
         };
         let found = pool.over_shares(input, work);
         for (k, &BandOfStep { step, band, .. }) in bands.iter().enumerate() {
-            let of_shares = || found.iter().map(|of_share| &of_share[k]);
-            if moves {
+            if task != ShareTask::AddForces {
                 let mut fastest = slowest;
-                for MovedBand { moved, .. } in of_shares() {
+                for moved in found.iter().filter_map(|of_share| of_share[k].moved) {
                     fastest = greater_or_nan(fastest, moved.fastest);
                     self.steps[step].flow.merge(moved.flow);
                 }
                 self.end_motion_of_band(step, band, fastest);
             }
-            for MovedBand { within_share, .. } in of_shares() {
-                self.found(step, *within_share);
+            for of_share in &found {
+                self.found(step, of_share[k].forces);
             }
         }
         let clock = &mut self.system.clock;
-        if adds_forces {
-            clock.end(StepPhase::Contacts);
-            let of_first = found.first().into_iter().flatten();
-            let time = of_first.map(|band| band.time).sum();
-            clock.give(StepPhase::Contacts, StepPhase::Motion, time);
-        } else {
+        if task == ShareTask::Move {
             clock.end(StepPhase::Motion);
+            return;
         }
+        clock.end(StepPhase::Contacts);
+        let of_first = found.first().into_iter().flatten();
+        let time = of_first.map(|of_band| of_band.time).sum();
+        clock.give(StepPhase::Contacts, StepPhase::Motion, time);
     }
 
     /// Notes how fast the grains of a band have moved.
@@ -508,14 +518,14 @@ impl<D: Dimension> Sweep<'_, D> {
             list,
             ..
         } = &mut **system;
-        let forces = bands
-            .iter()
-            .map(|&BandOfStep { step, band, .. }| BandForces {
+        let mut forces = Vec::with_capacity(bands.len());
+        for &BandOfStep { step, band, .. } in bands {
+            forces.push(BandForces {
                 law: *law,
                 band,
                 input: steps[step].input_of_band(list.travelled[band], step),
             });
-        let forces: Vec<_> = forces.collect();
+        }
         let samples = request.samples.as_deref_mut();
         let outcomes = pool.add_other_forces(&forces, grains, contacts, samples);
         for (band, outcome) in bands.iter().zip(outcomes) {
@@ -527,11 +537,11 @@ impl<D: Dimension> Sweep<'_, D> {
     /// sums those on grains of walls.
     fn complete(&mut self, bands: &[BandOfStep]) {
         let Self { system, drive, .. } = self;
-        let completed = bands.iter().map(|&BandOfStep { band, is_last, .. }| {
+        let mut completed = Vec::with_capacity(bands.len());
+        for &BandOfStep { band, is_last, .. } in bands {
             let end = if is_last { band + 1 } else { band };
-            band.saturating_sub(1)..end
-        });
-        let completed: Vec<_> = completed.collect();
+            completed.push(band.saturating_sub(1)..end);
+        }
         let System {
             bands: places,
             pool,
@@ -639,86 +649,6 @@ const CACHED: usize = 3 << 20;
 
 /// In every step each rank says whether its list lasts for these numbers of steps.
 const LASTING: [u64; 2] = [4, 16];
-
-/// Number of flags in the message that the ranks sum.
-const FLAGS: usize = 4;
-const FORCES_AT: usize = 1 + FLAGS;
-const FORCE: usize = LIMBS + 1;
-const MESSAGE: usize = FORCES_AT + 3 * FORCE;
-/// Size of the message that the ranks sum in every step (bytes), without the force on the bottom.
-pub const MESSAGE_BYTES: usize = (MESSAGE - FORCE) * size_of::<i64>();
-
-/// A sum over the ranks in one message, under way: whether something failed, flags that are set if
-/// they are set on some rank, and the forces on the walls.
-struct SumOverRanks {
-    message: [i64; MESSAGE],
-    /// Its length: the force on the bottom is last, and left out if the drive does not ask for it.
-    length: usize,
-    failure: Option<String>,
-}
-
-impl SumOverRanks {
-    /// Begins it. The forces on the walls are `load` and what the drive adds.
-    fn begin<D: Dimension>(
-        exchange: &dyn Exchange,
-        system: &System<D>,
-        drive: &dyn Drive<D>,
-        mut load: WallSums,
-        failure: Option<String>,
-        flags: [bool; FLAGS],
-    ) -> Self {
-        let felt = Felt {
-            grains: &system.grains,
-            stress: system.stress,
-            fixed: &system.fixed,
-        };
-        drive.load(&felt, &mut load);
-        let mut message = [0i64; MESSAGE];
-        message[0] = i64::from(failure.is_some());
-        for (to, flag) in message[1..FORCES_AT].iter_mut().zip(flags) {
-            *to = i64::from(flag);
-        }
-        let sums = [load.up, load.along, load.bottom];
-        for (sum, limbs) in sums.iter().zip(message[FORCES_AT..].chunks_mut(FORCE)) {
-            sum.write(limbs);
-        }
-        let left_out = if drive.has_bottom_force() { 0 } else { FORCE };
-        let length = MESSAGE - left_out;
-        exchange.begin_sum(&message[..length]);
-        Self {
-            message,
-            length,
-            failure,
-        }
-    }
-
-    /// Waits for it. Collective.
-    ///
-    /// # Errors
-    /// The failure of the lowest rank that has one, or a force that is not finite.
-    fn end<D: Dimension>(
-        self,
-        exchange: &dyn Exchange,
-        system: &System<D>,
-    ) -> Result<(WallForces, [bool; FLAGS])> {
-        let Self {
-            mut message,
-            length,
-            failure,
-        } = self;
-        exchange.end_sum(&mut message[..length]);
-        let force = |k: usize| {
-            let limbs = &message[FORCES_AT + k * FORCE..][..FORCE];
-            system.fixed.value(Accumulator::read(limbs))
-        };
-        let forces @ [up, along, bottom] = [0, 1, 2].map(force);
-        if message[0] > 0 || forces.iter().any(|force| force.is_nan()) {
-            return Err(system.fail(exchange, failure));
-        }
-        let flags = std::array::from_fn(|k| message[1 + k] > 0);
-        Ok((WallForces { up, along, bottom }, flags))
-    }
-}
 
 /// Computes all forces at the present positions, where ghosts have their records; advances the
 /// histories by `step` (s). Returns what was outside the law.

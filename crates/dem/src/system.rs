@@ -4,28 +4,22 @@ use crate::budget::EnergyBudget;
 use crate::clock::Clock;
 use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
-use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
+use crate::domain::{Exchange, FixedPoint, Slabs};
 use crate::drive::{Drive, FlowSum, WallGrains, WallVelocities};
 use crate::failure::{Failure, Outside, Result};
 use crate::kernel::{PairForce, PassOutcome};
-use crate::motion::GrainMotion;
+use crate::list::{Diameters, reach};
+pub use crate::list::{List, ListSettings, THICKEST_SKIN};
 use crate::neighbour::{self, LocalExtent};
 use crate::processor::ThreadClock;
 use crate::simd::{Isa, Lanes, Work};
 use crate::state::{
-    BandSize, Bands, CandidatePair, Cell, ContactState, Contacts, FlatWalls, GrainState, Grains,
-    Ids, LocalGrains, Masses, Remembered, Units, body, length,
+    BandSize, Bands, Cell, ContactState, Contacts, FlatWalls, GrainState, Grains, Ids, LocalGrains,
+    Masses, Remembered, Units, body, length,
 };
 use crate::threads::{OwnedPart, ThreadPool};
 use crate::under_way::StepUnderWay;
 
-/// Bounds of an adaptive skin over d̄.
-const THINNEST_SKIN: f64 = 0.002;
-/// The greatest adaptive skin over d̄.
-pub const THICKEST_SKIN: f64 = 0.4;
-const FIRST_SKIN: f64 = 0.02;
-/// Steps between rebuilds at which the skin aims: a rebuild costs about as much as ten steps.
-const LIFE: f64 = 600.0;
 /// By how much bands are thicker than the cutoff, over the greatest diameter.
 const SLACK: f64 = 0.25;
 
@@ -84,305 +78,6 @@ pub struct System<D: Dimension> {
     blocks: u64,
 }
 
-/// How long the list of pairs remains complete.
-#[derive(Debug, Default)]
-pub struct List {
-    /// Greatest diameter (m), and greatest gap of grains in contact (m).
-    diameter: f64,
-    gap: f64,
-    /// Present skin (m): pairs are listed up to R_i + R_j + gap + skin.
-    skin: f64,
-    /// Least and greatest skin (m) in a wide cell; equal if the skin is given.
-    wished: [f64; 2],
-    /// Least and greatest skin in the present cell (m).
-    range: [f64; 2],
-    /// Greatest number of steps between rebuilds; 0 for no limit.
-    every: u64,
-    /// Step of the last rebuild.
-    built: u64,
-    /// Number of rebuilds.
-    pub rebuilds: u64,
-    /// Whether the list must be rebuilt before the next step.
-    pub due: bool,
-    /// Upper bound of the displacements since the last rebuild (m).
-    bound: f64,
-    /// The bound when it first exceeded half the skin in a step of this sweep but the last (m).
-    exceeded: Option<f64>,
-    /// Upper bound of the lengths of the paths since then (m), for the pairs of each band.
-    pub(crate) travelled: Vec<f64>,
-    /// How far the grains moved in the last step, at most (m).
-    way: f64,
-    /// [`Clock::worked`] when the grains last migrated (s).
-    worked: f64,
-    /// Mean distance in memory of the two grains of a pair, in grains: of this list, and of that
-    /// for which the grains were last sorted.
-    reach: f64,
-    reach_when_sorted: f64,
-    /// Whether grains have left their bands since then.
-    scattered: bool,
-    /// Number of steps from the next one on for which the lists of all ranks last.
-    pub(crate) lasting: u64,
-    /// By how much rounding may move a grain in a step (m).
-    rounding: f64,
-    /// How far the images have moved since then along x (m), and the height of the cell then (m).
-    images_moved: f64,
-    height: f64,
-    /// Positions of the owned grains at the last rebuild.
-    origin: Vec<[f64; 3]>,
-    /// Heights of planes then (m).
-    planes: [f64; 2],
-    /// Whether a coordinate is NaN or a grain moved further than half a skin before a rebuild.
-    pub unsound: bool,
-}
-
-impl List {
-    /// Fails unless each of `exchange.size()` slabs, and the cell along the other axes, is wider
-    /// than the cutoff.
-    fn new(exchange: &dyn Exchange, setup: &Setup) -> Result<Self> {
-        let diameter = 2.0 * setup.largest_radius;
-        let wished = match setup.list.skin {
-            Some(skin) => [skin; 2],
-            None => [THINNEST_SKIN, THICKEST_SKIN],
-        };
-        let wished = wished.map(|skin| skin * setup.mean_diameter);
-        let range = Self::range(exchange.size(), setup.cell, diameter, wished)?;
-        Ok(Self {
-            diameter,
-            skin: (FIRST_SKIN * setup.mean_diameter).clamp(range[0], range[1]),
-            wished,
-            range,
-            every: setup.list.rebuild_every,
-            height: f64::INFINITY,
-            ..Self::default()
-        })
-    }
-
-    /// The least and greatest skin (m) on so many ranks, of those wished for in a wide cell.
-    fn range(ranks: usize, cell: Cell, diameter: f64, wished: [f64; 2]) -> Result<[f64; 2]> {
-        let [length, width] = cell.periods;
-        let higher = cell.sheared.map_or(f64::INFINITY, |s| 0.5 * s.height);
-        // The factor by which the tilt of the images lengthens the cutoff along x.
-        let longer = cell.greatest_cutoff_along_x(1.0);
-        let across = width.min(higher);
-        let widest = 0.98 * (length / (longer * ranks as f64)).min(across) - diameter;
-        let range = [wished[0], wished[1].min(widest)];
-        let cutoff = diameter + range[0];
-        if range[1] < range[0] {
-            let most = most_ranks(0.98 * length, longer * cutoff);
-            return Err(Failure::input(if most == 0 || 0.98 * across < cutoff {
-                format!(
-                    "the cell is too small, so that grains would touch their own images: its length, its width and half \
-                     the height between its images must be greater than the cutoff (the greatest diameter and the \
-                     skin, {cutoff:.4e} m), and the least of them is {:.4e} m",
-                    length.min(across)
-                )
-            } else {
-                format!(
-                    "{ranks} ranks are too many for this cell: a slab must be wider than the cutoff (the greatest \
-                     diameter and the skin, {cutoff:.4e} m), and the cell is sample.length = {length:.4e} m long; run it on 1 to {most} ranks",
-                )
-            }));
-        }
-        Ok(range)
-    }
-
-    /// How far (m) grains of up to `fastest` (m/s) come in a `step` (s), with what a moving cell
-    /// adds.
-    pub(crate) fn way(&self, fastest: f64, step: f64, cell: &Cell) -> f64 {
-        // Half of it for a pair across the top, and all of it for a grain that was wrapped there.
-        // Pairs near the cutoff are stretched by as much as the cell.
-        let more =
-            1.5 * images_step(step, cell).abs() + 0.5 * self.cutoff() * cell.stretched_by(step);
-        step * fastest + more
-    }
-
-    /// The grains of the pairs of a band moved by up to `way` (m) in a step.
-    pub(crate) fn travel(&mut self, band: usize, way: f64) {
-        self.travelled[band] = self.travelled_after(band, way);
-    }
-
-    /// How far they have travelled if they move by up to `way` (m) in a step.
-    pub(crate) fn travelled_after(&self, band: usize, way: f64) -> f64 {
-        self.travelled[band] + (way + self.rounding)
-    }
-
-    /// All grains moved by up to `way` (m) in a step. Returns whether the list must be rebuilt.
-    /// `looks`: whether it may look at them, because they are all at this step.
-    pub(crate) fn moved<D: Dimension>(
-        &mut self,
-        way: f64,
-        motion: &GrainMotion,
-        grains: &Grains<D>,
-        planes: Option<[f64; 2]>,
-        looks: bool,
-    ) -> bool {
-        let cell = &motion.cell;
-        self.images_moved += images_step(motion.step, cell);
-        let half = 0.5 * self.skin;
-        self.bound += way;
-        self.way = way;
-        // The next step may be up to twice as fast.
-        let margin = 2.0 * way;
-        let is_near = |bound: f64, part: f64| bound + margin > part * half;
-        let is_unsure = is_near(self.bound, 0.9);
-        if !(is_unsure && looks) {
-            self.unsound |= way.is_nan();
-            if self.bound > half {
-                self.exceeded.get_or_insert(self.bound);
-            }
-            return is_unsure;
-        }
-        // Where the bound exceeded half the skin, a grain may have been further away than it is
-        // now, by the paths since then.
-        let since = self.exceeded.take().map_or(0.0, |bound| self.bound - bound);
-        // One at infinity moves by a NaN, which `max` leaves out.
-        let planes = planes.into_iter().flatten().zip(self.planes);
-        let of_planes = planes.fold(0.0, |most: f64, (now, then)| most.max((now - then).abs()));
-        let of_grains = self.displacement(grains, cell).max(of_planes);
-        let exact = of_grains + 0.5 * self.cutoff() * self.strain(cell);
-        self.bound = exact;
-        self.unsound = way.is_nan() || exact.is_nan() || exact + since > half;
-        // Slightly early, which avoids looking at every grain in every step.
-        is_near(self.bound, 0.8)
-    }
-
-    /// Whether the list lasts for so many steps from this one on even if the grains become twice as
-    /// fast.
-    pub(crate) fn lasts(&self, step: u64, steps: u64) -> bool {
-        let room = 0.9 * 0.5 * self.skin - self.bound;
-        let is_forced = self.every > 0 && step + steps > self.built + self.every;
-        !is_forced && room > 2.0 * self.way * (steps + 1) as f64
-    }
-
-    /// The strain of the cell since the last rebuild, at most: by this part a pair may have
-    /// approached besides the displacements.
-    fn strain(&self, cell: &Cell) -> f64 {
-        cell.sheared.map_or(0.0, |sheared| {
-            let sheared_by = self.images_moved / sheared.height;
-            sheared_by.abs() + (sheared.height / self.height - 1.0).abs()
-        })
-    }
-
-    /// The greatest displacement of an owned grain besides that of the cell (m).
-    fn displacement<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> f64 {
-        self.squares(grains, cell)
-            .fold(0.0, |a: f64, b| if b > a { b } else { a })
-            .sqrt()
-    }
-
-    /// The owned grain that moved furthest; there must be one.
-    fn furthest<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> usize {
-        let squares = self.squares(grains, cell).enumerate();
-        squares
-            .fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a })
-            .0
-    }
-
-    /// Squared displacements of the owned grains besides that of the cell (m²).
-    fn squares<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> impl Iterator<Item = f64> {
-        let height = cell.sheared.map_or(f64::INFINITY, |sheared| sheared.height);
-        let moves = height != self.height || self.images_moved != 0.0;
-        let (grows, shears) = (height / self.height, self.images_moved / height);
-        self.origin.iter().zip(&grains.record).map(move |(o, r)| {
-            let mut carried = *o;
-            if moves {
-                carried[D::UP] *= grows;
-                carried[0] += shears * carried[D::UP];
-            }
-            let moved = cell.separation::<D>(D::fields(r), &carried);
-            moved.iter().map(|x| x * x).sum()
-        })
-    }
-
-    /// Makes the skin of the next list at least this (m).
-    pub fn widen(&mut self, skin: f64) {
-        self.skin = self.skin.max(skin);
-    }
-
-    /// Makes the next list last for some steps of this length (m), as far as the slabs allow.
-    pub fn expect(&mut self, way: f64) {
-        self.skin = self.skin.max((4.0 * way).min(self.range[1]));
-    }
-
-    /// Makes every skin at least this (m), as far as the slabs allow. A skin that the scene gives
-    /// stays.
-    pub fn at_least(&mut self, skin: f64) {
-        let raised = |[least, most]: [f64; 2]| [least.max(skin.min(most)), most];
-        (self.wished, self.range) = (raised(self.wished), raised(self.range));
-        self.skin = self.skin.clamp(self.range[0], self.range[1]);
-    }
-
-    /// Whether `bookkeeping.rebuild_every` requires a rebuild after this number of steps: the list
-    /// was made at the beginning of step `built`.
-    pub fn forced(&self, steps: u64) -> bool {
-        self.every > 0 && steps + 1 - self.built >= self.every
-    }
-
-    /// Fits the skin to a cell and to the gap.
-    fn fit(&mut self, exchange: &dyn Exchange, cell: Cell) -> Result<()> {
-        let greatest = self.diameter + self.gap;
-        let range = Self::range(exchange.size(), cell, greatest, self.wished)?;
-        if range != self.range {
-            self.range = range;
-            self.skin = self.skin.min(range[1]);
-        }
-        Ok(())
-    }
-
-    fn cutoff(&self) -> f64 {
-        self.diameter + self.listed_gap()
-    }
-
-    /// The greatest gap of a listed pair (m).
-    pub fn listed_gap(&self) -> f64 {
-        self.gap + self.skin
-    }
-
-    fn adapts(&self) -> bool {
-        self.rebuilds > 0 && self.every == 0
-    }
-
-    /// Whether neighbours have drifted apart in memory since the grains were sorted.
-    fn is_scattered(&self) -> bool {
-        self.scattered || self.reach > 1.5 * self.reach_when_sorted
-    }
-
-    /// Adapts the skin to lists that last so many steps: with a thicker one pairs that do not
-    /// touch cost more time, with a thinner one rebuilds.
-    fn adapt(&mut self, lasted: u64) {
-        if self.adapts() {
-            self.skin *= (LIFE / lasted as f64).clamp(0.5, 2.0);
-            self.skin = self.skin.clamp(self.range[0], self.range[1]);
-        }
-    }
-}
-
-/// How far the images above move along x in a `step` (s, m).
-fn images_step(step: f64, cell: &Cell) -> f64 {
-    step * cell.sheared.map_or(0.0, |s| s.half_velocity)
-}
-
-/// Mean distance in memory of the two grains of a pair of one body, in grains.
-fn reach(pairs: &[CandidatePair], body: &[u32]) -> f64 {
-    let (mut all, mut pairs_of_one) = (0, 0_u32);
-    for &CandidatePair { grains: [i, j], .. } in pairs {
-        if body[i as usize] == body[j as usize] {
-            all += u64::from(i.abs_diff(j));
-            pairs_of_one += 1;
-        }
-    }
-    all as f64 / f64::from(pairs_of_one.max(1))
-}
-
-/// Settings of the list of pairs. They change the speed of a run and not its numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct ListSettings {
-    /// Skin over d̄; `None` adapts it to the frequency of rebuilds.
-    pub skin: Option<f64>,
-    /// Greatest number of steps between rebuilds; 0 for no limit.
-    pub rebuild_every: u64,
-}
-
 /// How steps go through the bands. They change the speed of a run and not its numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SweepSettings {
@@ -433,6 +128,13 @@ pub struct Setup {
 }
 
 impl Setup {
+    fn diameters(&self) -> Diameters {
+        Diameters {
+            greatest: 2.0 * self.largest_radius,
+            mean: self.mean_diameter,
+        }
+    }
+
     /// Grains of about this radius (m) without gravity, on one thread. `step`: Δt (s).
     pub fn new(cell: Cell, radius: f64, masses: Masses, step: f64) -> Self {
         Self {
@@ -467,7 +169,7 @@ impl<D: Dimension> System<D> {
     pub fn new(exchange: &dyn Exchange, setup: Setup) -> Result<Self> {
         let mut pool = ThreadPool::new(setup.threads)?;
         Ok(Self {
-            list: List::new(exchange, &setup)?,
+            list: List::new(exchange, setup.list, setup.cell, setup.diameters())?,
             isa: setup.isa,
             cell: setup.cell,
             masses: setup.masses,
@@ -802,27 +504,8 @@ impl<D: Dimension> System<D> {
         self.pool.assign(&self.contacts, self.grains.local());
         drive.renumber(self.isa, &mut self.grains, self.list.skin);
 
-        self.list.due = false;
-        // How fast its grains are is not known yet.
-        self.list.lasting = 1;
-        self.list.bound = 0.0;
-        self.list.exceeded = None;
-        self.list.travelled.clear();
-        self.list.travelled.resize(self.bands.count(), 0.0);
-        self.list.images_moved = 0.0;
-        let sheared = self.cell.sheared;
-        self.list.height = sheared.map_or(f64::INFINITY, |sheared| sheared.height);
-        self.list.built = self.steps;
-        self.list.rebuilds += 1;
-        let origins = (0..self.grains.owned).map(|g| self.grains.position(g));
-        self.list.origin.clear();
-        self.list.origin.extend(origins);
-        // A maximum for each axis: one of all would wait for every coordinate in turn.
-        let greatest = self.list.origin.iter().fold([0.0_f64; 3], |a, x| {
-            std::array::from_fn(|axis| a[axis].max(x[axis].abs()))
-        });
-        let greatest = greatest.into_iter().fold(0.0, f64::max);
-        self.list.rounding = 2.0 * f64::EPSILON * greatest;
+        self.list
+            .begin(self.steps, self.bands.count(), &self.grains, &self.cell);
     }
 
     /// The position of a grain, for messages.
@@ -936,10 +619,7 @@ impl<D: Dimension> System<D> {
 
     /// Heap in use on this rank (bytes).
     pub fn memory(&self) -> usize {
-        self.grains.memory()
-            + self.contacts.memory()
-            + self.pool.memory()
-            + self.list.origin.capacity() * size_of::<[f64; 3]>()
+        self.grains.memory() + self.contacts.memory() + self.pool.memory() + self.list.memory()
     }
 }
 
@@ -972,46 +652,6 @@ mod tests {
     use crate::clock::StepPhase;
     use crate::dimension::Two;
     use crate::domain::Solo;
-    use bytemuck::Zeroable;
-
-    /// In a sweep only the last step looks at the grains: one that left and came back is noticed.
-    #[test]
-    fn a_list_is_unsound_if_a_grain_may_have_left_within_a_sweep() {
-        let grain = GrainState {
-            radius: 0.5,
-            position: [5.0, 5.0, 0.0],
-            ..GrainState::zeroed()
-        };
-        let mut grains = Grains::<Two>::default();
-        grains.replace(&[grain], &Masses::Equal(1.0), 1.0);
-        let motion = GrainMotion {
-            isa: Isa::Portable,
-            units: Units::new(1.0, 1.0),
-            gravity: [0.0; 2],
-            step: 1.0,
-            cell: Cell::between_walls([10.0, f64::INFINITY]),
-            streaming: None,
-            is_stressed: false,
-            walls: None,
-        };
-        // Half the skin is 0.5, and the grain is where it was.
-        for (ways, unsound) in [
-            (&[0.3, 0.1, 0.6][..], false),
-            (&[0.3, 0.3, 0.1, 0.3], false),
-            (&[0.3, 0.3, 0.1, 0.5], true),
-        ] {
-            let mut list = List {
-                skin: 1.0,
-                height: f64::INFINITY,
-                origin: vec![[5.0, 5.0, 0.0]],
-                ..List::default()
-            };
-            for (k, way) in ways.iter().enumerate() {
-                list.moved(*way, &motion, &grains, None, k + 1 == ways.len());
-            }
-            assert_eq!(list.unsound, unsound, "{ways:?}");
-        }
-    }
 
     /// The time since the last migration is what ranks share the work by.
     #[test]

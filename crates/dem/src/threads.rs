@@ -14,7 +14,7 @@ use crate::drive::{WallGrains, WallSums};
 use crate::failure::Result;
 use crate::kernel::{ContactForces, PairForce, Pass, PassInput, PassOutcome, Samples, Scratch};
 use crate::processor::ThreadClock;
-use crate::state::{Bands, BlockRange, Contacts, Grains, Image, OtherBlocks, Share};
+use crate::state::{Bands, BlockRange, Contacts, Grains, Image, Share};
 use crate::workers::{self, Workers, tail, tail_mut};
 
 /// Number of grains whose forces a thread clears and adds together.
@@ -84,12 +84,12 @@ impl<D: Dimension> ThreadPool<D> {
         for (k, partial) in self.partial.iter_mut().enumerate() {
             partial.used.clear();
             partial.used.resize(local.div_ceil(PAGE), false);
-            let of_bands = contacts.others.iter();
-            let part = |others: &OtherBlocks| part_of(&others.blocks(), k + 1, threads);
-            for block in of_bands.flat_map(part) {
-                let pairs = &contacts.pairs.blocks()[block];
-                for &g in pairs.i.iter().chain(&pairs.j) {
-                    partial.used[g as usize / PAGE] = true;
+            for others in &contacts.others {
+                let part = part_of(&others.blocks(), k + 1, threads);
+                for pairs in &contacts.pairs.blocks()[part] {
+                    for &g in pairs.i.iter().chain(&pairs.j) {
+                        partial.used[g as usize / PAGE] = true;
+                    }
                 }
             }
             partial.force.clear();
@@ -162,12 +162,11 @@ impl<D: Dimension> ThreadPool<D> {
         contacts: &mut Contacts,
         samples: Option<&mut ContactForces>,
     ) -> Vec<PassOutcome> {
-        let bands = forces.iter().map(|forces| forces.band);
-        let has_others = |band: usize| !contacts.others[band].blocks().is_empty();
-        if !bands.clone().any(has_others) {
+        let mut bands = forces.iter().map(|forces| forces.band);
+        if (bands.clone()).all(|band| contacts.others[band].blocks().is_empty()) {
             return Vec::new();
         }
-        let blocks = contacts.others_of(bands);
+        let blocks = contacts.others_of(&mut bands);
         let mut outcomes = vec![PassOutcome::default(); forces.len()];
         let threads = self.threads();
         let mut samples = samples.map(ContactForces::all);
@@ -226,20 +225,14 @@ impl<D: Dimension> ThreadPool<D> {
         work: impl Fn(usize, &[D::Force]) -> WallSums + Sync,
     ) -> Vec<WallSums> {
         let local = force.len();
-        let grains_of = |share: usize, completed: &Range<usize>| {
-            let mut grains = bands.grains_of(share, completed.clone());
-            if share + 1 == bands.shares() && completed.end == bands.count() {
-                grains.end = local;
-            }
-            grains
-        };
+        let mut all = Vec::with_capacity(completed.len());
         if self.workers.is_none() {
             // Without partial forces, all are complete.
-            let work = |completed: &Range<usize>| {
-                let grains = grains_of(0, completed);
-                work(grains.start, &force[grains])
-            };
-            return completed.iter().map(work).collect();
+            for completed in completed {
+                let grains = completed_grains(bands, completed, 0, local);
+                all.push(work(grains.start, &force[grains]));
+            }
+            return all;
         }
         let mut partial: Vec<PartialSums<'_, D>> = Vec::new();
         for of_thread in &mut self.partial {
@@ -258,8 +251,7 @@ impl<D: Dimension> ThreadPool<D> {
                 partial: partial.collect(),
                 force: tail_mut(&mut rest, first),
             };
-            let sums: Vec<_> = vec![WallSums::default(); completed.len()];
-            parts.push((part, sums));
+            parts.push((part, vec![WallSums::default(); completed.len()]));
         }
         // The calling thread has the first share.
         parts.reverse();
@@ -268,13 +260,13 @@ impl<D: Dimension> ThreadPool<D> {
                 if completed.is_empty() {
                     continue;
                 }
-                let grains = grains_of(share, completed);
+                let grains = completed_grains(bands, completed, share, local);
                 part.add(grains.clone());
                 let force = &part.force[grains.start - part.first..grains.end - part.first];
                 *sums = work(grains.start, force);
             }
         });
-        let mut all: Vec<_> = vec![WallSums::default(); completed.len()];
+        all.resize(completed.len(), WallSums::default());
         for (_, sums) in parts {
             for (all, sums) in all.iter_mut().zip(sums) {
                 all.merge(sums);
@@ -371,6 +363,21 @@ impl<D: Dimension> OtherWork<'_, D> {
             self.outcomes.push(forces.law.pass(pass, self.scratch));
         }
     }
+}
+
+/// The grains of some bands that a thread completes: those of its share, and the last thread with
+/// the last band also ghosts and feet, up to `local`.
+fn completed_grains(
+    bands: &Bands,
+    completed: &Range<usize>,
+    share: usize,
+    local: usize,
+) -> Range<usize> {
+    let mut grains = bands.grains_of(share, completed.clone());
+    if share + 1 == bands.shares() && completed.end == bands.count() {
+        grains.end = local;
+    }
+    grains
 }
 
 /// A part of some blocks, of so many parts.

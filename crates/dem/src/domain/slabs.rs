@@ -29,8 +29,6 @@ pub struct Slabs<D: Dimension> {
     /// The part of the work that each rank is to have; see [`Slabs::balance`].
     shares: Vec<f64>,
     links: Vec<Neighbour>,
-    /// Number of halo messages until now.
-    messages: u64,
     dimension: PhantomData<D>,
 }
 
@@ -69,7 +67,6 @@ impl<D: Dimension> Slabs<D> {
                 .collect(),
             shares: vec![1.0 / size as f64; size],
             links: Vec::new(),
-            messages: 0,
             dimension: PhantomData,
         }
     }
@@ -335,7 +332,6 @@ impl<D: Dimension> Slabs<D> {
                 link.chosen.extend_from_slice(&link.send[sent.clone()]);
                 ghosts += received.len();
             }
-            self.messages += 1;
             exchange.begin_halo(HaloMessage {
                 rank: link.rank,
                 width,
@@ -392,11 +388,6 @@ impl<D: Dimension> Slabs<D> {
     pub fn bytes_per_step(&self) -> usize {
         let records: usize = self.links.iter().map(|l| l.send.len()).sum();
         records * size_of::<D::Record>()
-    }
-
-    /// Number of halo messages that this rank has sent.
-    pub fn messages(&self) -> u64 {
-        self.messages
     }
 }
 

@@ -86,6 +86,7 @@ pub struct WallGrains<'a> {
 impl WallGrains<'_> {
     /// Those of some indices.
     pub(crate) fn within(mut self, grains: Range<usize>) -> Self {
+        // As a rule all, or none: no search then.
         let ends = [self.top, self.bottom].map(|walls| [walls.first(), walls.last()]);
         let mut ends = ends.into_iter().flatten().flatten();
         if ends.all(|&g| grains.contains(&(g as usize))) {

@@ -243,29 +243,30 @@ impl Contacts {
     /// Finds the blocks of the shares and bands; `ends`: of the groups.
     fn set_groups(&mut self, ends: &[usize], grains: LocalGrains<'_>) {
         let bands = grains.bands;
-        let start = |group: usize| group.checked_sub(1).map_or(0, |before| ends[before]);
+        let (within, others) = ends.split_at(grains.groups_within_shares());
+        let mut start = 0;
         self.shares.clear();
-        for share in 0..bands.shares() {
-            let band = |band: usize| {
-                let group = share * bands.count() + band;
-                ShareBand {
-                    blocks: start(group)..ends[group],
+        for (share, ends) in within.chunks(bands.count()).enumerate() {
+            let mut of_bands = Vec::with_capacity(bands.count());
+            for (band, &end) in ends.iter().enumerate() {
+                of_bands.push(ShareBand {
+                    blocks: start..end,
                     grains: bands.grains_of_pairs(share, band),
-                }
-            };
-            self.shares.push(Share {
-                bands: (0..bands.count()).map(band).collect(),
-            });
+                });
+                start = end;
+            }
+            self.shares.push(Share { bands: of_bands });
         }
         self.others.clear();
-        for band in 0..bands.count() {
-            let group = grains.groups_within_shares() + OTHER_GROUPS * band;
+        for ends in others.as_chunks::<OTHER_GROUPS>().0 {
+            let &[inner, owned, end] = ends;
             self.others.push(OtherBlocks {
-                start: start(group),
-                inner: ends[group],
-                owned: ends[group + 1],
-                end: ends[group + 2],
+                start,
+                inner,
+                owned,
+                end,
             });
+            start = end;
         }
     }
 
@@ -380,9 +381,10 @@ impl Contacts {
         if let Some(last) = shares.last() {
             blocks.split_off(last.blocks().end);
         }
-        let shares = shares.iter().rev();
-        let of_share = |share| (share, blocks.split_off(Share::blocks(share).start));
-        let mut parts: Vec<_> = shares.map(of_share).collect();
+        let mut parts = Vec::with_capacity(shares.len());
+        for share in shares.iter().rev() {
+            parts.push((share, blocks.split_off(share.blocks().start)));
+        }
         parts.reverse();
         parts
     }
@@ -390,16 +392,17 @@ impl Contacts {
     /// Borrows the blocks of these bands, the last one first, that are within no share.
     pub(crate) fn others_of(&mut self, bands: impl Iterator<Item = usize>) -> Vec<BlockRange<'_>> {
         let (_, others, mut blocks) = self.split();
-        let of_band = |band: usize| {
+        let mut parts = Vec::new();
+        for band in bands {
             let others = &others[band];
             blocks.split_off(others.end);
-            BlockRange {
+            parts.push(BlockRange {
                 inner: others.inner,
                 owned_blocks: others.owned,
                 ..blocks.split_off(others.start)
-            }
-        };
-        bands.map(of_band).collect()
+            });
+        }
+        parts
     }
 
     /// Borrows all blocks, for the kernel, where there is a single share.

@@ -26,6 +26,7 @@ use crate::options::Outcome;
 use crate::output_schedule::OutputSchedule;
 use crate::run::{Checkpoint, Run};
 use crate::stage::{CHECKPOINT_INTERVAL, Save, Stage};
+use crate::terminal::Ending;
 use gshear_store::file_names::part_of;
 use gshear_store::status::StageProgress;
 
@@ -155,9 +156,9 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     pub fn finish(mut self, run: &Run<'_>, outcome: Result<Outcome>) -> Result<Sheared<'a, D>> {
         let exchange = run.exchange;
         let images = self.images();
+        let traffic = exchange.traffic().since(&self.traffic);
         let profile = run.options.profile.then(|| {
             let system = &self.assembly.system;
-            let traffic = exchange.traffic().since(&self.traffic);
             RankProfile::of(exchange, system, traffic, run.processors)
         });
         let (files, outcome) = self.files.unless_failed(exchange, outcome)?;
@@ -174,9 +175,13 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         ];
         files.finish(exchange, outcome, &attributes)?;
         let system = &mut self.assembly.system;
-        let out = &run.options.out;
-        run.terminal
-            .end(exchange, system, done / seconds, &digest, out);
+        let ending = Ending {
+            speed: done / seconds,
+            traffic,
+            digest: &digest,
+            out: &run.options.out,
+        };
+        run.terminal.end(exchange, system, &ending);
         if let Some(profile) = profile {
             run.terminal.say(profile.table(exchange));
         }

@@ -14,6 +14,7 @@ use crate::options::Verbosity;
 use crate::say::{say, say_error, width};
 use gshear_dem::clock::{PHASES, StepPhase};
 use gshear_dem::dimension::Dimension;
+use gshear_dem::domain::Traffic;
 use gshear_dem::drive::Piston;
 use gshear_dem::failure::on_one_line;
 use gshear_dem::protocol::{Along, Course, Normal, Ramp, Segment};
@@ -84,6 +85,18 @@ pub(crate) fn plain_message() -> ProgressStyle {
 /// Whether the environment leaves terminals their colours.
 pub(crate) fn is_coloured() -> bool {
     std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
+}
+
+/// What the summary at the end of a shear says besides the state.
+pub(crate) struct Ending<'a> {
+    /// Grain-steps/s of all ranks together.
+    pub speed: f64,
+    /// What this rank has sent.
+    pub traffic: Traffic,
+    /// The digest.
+    pub digest: &'a str,
+    /// The folder of the results.
+    pub out: &'a Path,
 }
 
 impl Terminal {
@@ -388,30 +401,28 @@ impl Terminal {
         self.say("stopped while the packing was prepared, which leaves no checkpoint; start the run again with --resume auto");
     }
 
-    /// Summary at the end of a shear. `speed`: grain-steps/s of all ranks together.
+    /// Summary at the end of a shear.
     pub fn end(
         &self,
         exchange: &dyn Parallel,
         system: &mut System<impl Dimension>,
-        speed: f64,
-        digest: &str,
-        out: &Path,
+        ending: &Ending<'_>,
     ) {
         self.clear();
         let phases = system.clock.table(exchange);
         let memory = exchange.maximum(system.memory() as f64);
         let rebuilds = system.list.rebuilds;
-        self.say(format!("results in {}", out.display()));
+        self.say(format!("results in {}", ending.out.display()));
         let room = width(&Term::stdout()).unwrap_or(usize::MAX);
         self.say(phases_within(&phases, room).trim_end());
         if exchange.size() > 1 {
-            let messages = system.slabs.messages() as f64 / system.clock.steps().max(1) as f64;
+            let messages = ending.traffic.messages[0] as f64 / system.clock.steps().max(1) as f64;
             let [exchange, sums] = [StepPhase::Exchange, StepPhase::Walls]
                 .map(|phase| 1e6 * system.clock.per_step(phase));
             self.say(format!(
                 "per step from rank 0: {messages:.1} messages of {} bytes in all and 1 sum of {} bytes; with what they wait for, {exchange:.1} and {sums:.1} us",
                 system.slabs.bytes_per_step(),
-                gshear_dem::step::MESSAGE_BYTES,
+                gshear_dem::sum_over_ranks::MESSAGE_BYTES,
             ));
         }
         let threads = system.pool.threads();
@@ -425,10 +436,10 @@ impl Terminal {
         self.say(settings(system));
         self.say(format!(
             "speed {:.4} million grain-steps/s of {}",
-            1e-6 * speed,
+            1e-6 * ending.speed,
             ranks(exchange.size())
         ));
-        self.say(format!("digest {digest}"));
+        self.say(format!("digest {}", ending.digest));
     }
 
     /// Says what can be done with the results.

@@ -1,0 +1,87 @@
+//! The sum over the ranks at the end of a step: the forces on the walls, and what all must know.
+
+use crate::dimension::Dimension;
+use crate::domain::{Accumulator, Exchange, LIMBS};
+use crate::drive::{Drive, Felt, WallForces, WallSums};
+use crate::failure::Result;
+use crate::system::System;
+
+/// Number of flags in the message that the ranks sum.
+pub(crate) const FLAGS: usize = 4;
+const FORCES_AT: usize = 1 + FLAGS;
+const FORCE: usize = LIMBS + 1;
+const MESSAGE: usize = FORCES_AT + 3 * FORCE;
+/// Size of the message that the ranks sum in every step (bytes), without the force on the bottom.
+pub const MESSAGE_BYTES: usize = (MESSAGE - FORCE) * size_of::<i64>();
+
+/// A sum over the ranks in one message, under way: whether something failed, flags that are set if
+/// they are set on some rank, and the forces on the walls.
+pub(crate) struct SumOverRanks {
+    message: [i64; MESSAGE],
+    /// Its length: the force on the bottom is last, and left out if the drive does not ask for it.
+    length: usize,
+    failure: Option<String>,
+}
+
+impl SumOverRanks {
+    /// Begins it. The forces on the walls are `load` and what the drive adds.
+    pub fn begin<D: Dimension>(
+        exchange: &dyn Exchange,
+        system: &System<D>,
+        drive: &dyn Drive<D>,
+        mut load: WallSums,
+        failure: Option<String>,
+        flags: [bool; FLAGS],
+    ) -> Self {
+        let felt = Felt {
+            grains: &system.grains,
+            stress: system.stress,
+            fixed: &system.fixed,
+        };
+        drive.load(&felt, &mut load);
+        let mut message = [0i64; MESSAGE];
+        message[0] = i64::from(failure.is_some());
+        for (to, flag) in message[1..FORCES_AT].iter_mut().zip(flags) {
+            *to = i64::from(flag);
+        }
+        let sums = [load.up, load.along, load.bottom];
+        for (sum, limbs) in sums.iter().zip(message[FORCES_AT..].chunks_mut(FORCE)) {
+            sum.write(limbs);
+        }
+        let left_out = if drive.has_bottom_force() { 0 } else { FORCE };
+        let length = MESSAGE - left_out;
+        exchange.begin_sum(&message[..length]);
+        Self {
+            message,
+            length,
+            failure,
+        }
+    }
+
+    /// Waits for it. Collective.
+    ///
+    /// # Errors
+    /// The failure of the lowest rank that has one, or a force that is not finite.
+    pub fn end<D: Dimension>(
+        self,
+        exchange: &dyn Exchange,
+        system: &System<D>,
+    ) -> Result<(WallForces, [bool; FLAGS])> {
+        let Self {
+            mut message,
+            length,
+            failure,
+        } = self;
+        exchange.end_sum(&mut message[..length]);
+        let force = |k: usize| {
+            let limbs = &message[FORCES_AT + k * FORCE..][..FORCE];
+            system.fixed.value(Accumulator::read(limbs))
+        };
+        let forces @ [up, along, bottom] = [0, 1, 2].map(force);
+        if message[0] > 0 || forces.iter().any(|force| force.is_nan()) {
+            return Err(system.fail(exchange, failure));
+        }
+        let flags = std::array::from_fn(|k| message[1 + k] > 0);
+        Ok((WallForces { up, along, bottom }, flags))
+    }
+}
