@@ -74,7 +74,9 @@ def test_check_has_the_constants_of_the_model(model: ModuleType) -> None:
     names = "of_pairs", "pairs", "across", "ghosts", "copied", "between_threads", "alone"
     for block, law in zip(blocks, model.LAWS.values(), strict=True):
         values = {name: float(value) for name, value in re.findall(r"(\w+): ([\d.e-]+),", block)}
-        assert {name: values[name] for name in names} == {name: getattr(law, name) for name in names}
+        assert {name: values[name] for name in names} == {
+            name: getattr(law, name) for name in names
+        }
         # In the cache.
         assert values["grain"] in {time for _, time in law.times}
 
