@@ -15,6 +15,8 @@
 #   LAUNCH=CMD    starts the ranks, instead of what is usual for the batch system
 #   BIND=core     on whole nodes, with Open MPI's mpirun (PBS, LSF): each rank keeps to as many cores
 #                 as it has threads, and so to the memory beside them; not with RUNS
+#   LAYOUT=auto   runs all cores of the job with those numbers of ranks and threads that are best
+#                 by the model (gshear-mpi --layouts); for whole, equal nodes; not with RUNS
 #   JOB_SCRIPTS=DIR   this folder, if the job is not submitted from the folder of the project
 
 scripts=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -57,13 +59,47 @@ read_arguments() {
     arguments=("$@")
 }
 
-# place_ranks THREADS: sets `place` to the options of Open MPI's mpirun that say where ranks of so
-# many threads run. Other jobs of a shared node may have the same cores, so ranks are bound only if
-# that is asked for.
+# lay_out INDEX NODES RANKS THREADS: sets `ranks` and `threads` to these, or with LAYOUT=auto to
+# those that use the same cores best. INDEX: of the run of a sweep, or empty.
+lay_out() {
+    ranks=$3 threads=$4
+    case ${LAYOUT:-} in
+    '') return ;;
+    auto) ;;
+    *) fail "LAYOUT=$LAYOUT: must be auto" ;;
+    esac
+    [[ -z ${RUNS:-} ]] || fail "LAYOUT=auto is for one run at a time; leave out RUNS"
+    local of_node=$((ranks * threads / $2)) index=() best
+    [[ -z $1 ]] || index=(--sweep "$1")
+    # Of the options of gshear-mpi, those that change the scene.
+    local changes=() option next=
+    for option in "${arguments[@]:1}"; do
+        if [[ -n $next || $option == --set=* || $option == --set ]]; then
+            changes+=("$option")
+        fi
+        next=
+        [[ $option != --set ]] || next=value
+    done
+    best=$("$program" "${arguments[0]}" ${changes[@]+"${changes[@]}"} ${index[@]+"${index[@]}"} \
+        --layouts "$2x$of_node") || exit 2
+    IFS=, read -r ranks threads _ <<<"$(sed -n 2p <<<"$best")"
+    echo "layout: $ranks ranks of $threads threads on $2 nodes of $of_node cores"
+}
+
+# place_ranks THREADS RANKS: sets `place` to the options of Open MPI's mpirun that say where ranks of
+# so many threads run, so many on each node. Other jobs of a shared node may have the same cores, so
+# ranks are bound only if that is asked for.
 place_ranks() {
+    local where=slot
+    if [[ -n ${LAYOUT:-} ]]; then
+        where=ppr:$2:node
+    fi
     case ${BIND:-none} in
-    none) place=(--bind-to none) ;;
-    core) place=(--map-by "slot:PE=$1" --bind-to core) ;;
+    none)
+        place=(--bind-to none)
+        [[ -z ${LAYOUT:-} ]] || place+=(--map-by "$where")
+        ;;
+    core) place=(--map-by "$where:PE=$1" --bind-to core) ;;
     *) fail "BIND=$BIND: must be core or none" ;;
     esac
 }

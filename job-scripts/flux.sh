@@ -41,8 +41,10 @@ cores=$(flux resource list --states=up --no-header --format='{ncores}')
 left=$(flux job timeleft 2>/dev/null || true)
 ((${left:-0} < 4000000000)) || left=
 
-run "${INDEX:-}" "$left" "$threads" $((cores / threads)) \
-    flux run --ntasks=$((cores / threads)) --cores-per-task="$threads"
+nodes=$(flux resource list --states=up --no-header --format='{nnodes}')
+lay_out "${INDEX:-}" "$nodes" $((cores / threads)) "$threads"
+run "${INDEX:-}" "$left" "$threads" "$ranks" \
+    flux run --ntasks="$ranks" --cores-per-task="$threads"
 
 # with_chain N: the job on standard input, with CHAIN=N.
 with_chain() {

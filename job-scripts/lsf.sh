@@ -51,9 +51,11 @@ left=$(bjobs -noheader -o time_left "$LSB_JOBID${index:+[$index]}" 2>/dev/null |
 left=${left%% [A-Z]*}
 left=$(seconds "${left:+$left:00}")
 
-# Jobs that share a node would bind their ranks to the same cores.
-place_ranks "${THREADS:-1}"
-run "$index" "$left" "${THREADS:-1}" "$LSB_DJOB_NUMPROC" \
-    mpirun "${place[@]}" -n "$LSB_DJOB_NUMPROC"
+# Pairs of a host and its slots.
+nodes=$(wc -w <<<"${LSB_MCPU_HOSTS:-localhost 1}")
+nodes=$((nodes / 2))
+lay_out "$index" "$nodes" "$LSB_DJOB_NUMPROC" "${THREADS:-1}"
+place_ranks "$threads" $((ranks / nodes))
+run "$index" "$left" "$threads" "$ranks" mpirun "${place[@]}" -n "$ranks"
 ((code != 75)) || echo "stopped early; goes on if the job was submitted with -Q 75"
 exit "$code"

@@ -47,15 +47,16 @@ walltime=$(attribute Resource_List.walltime)
 left=$(seconds "$walltime")
 ranks=$(wc -l <"$PBS_NODEFILE")
 
-# Jobs that share a node would bind their ranks to the same cores.
-place_ranks "$threads"
+nodes=$(sort -u "$PBS_NODEFILE" | wc -l)
+lay_out "$index" "$nodes" "$ranks" "$threads"
+place_ranks "$threads" $((ranks / nodes))
 run "$index" "${left:+$((left - SECONDS))}" "$threads" "$ranks" \
     mpirun "${place[@]}" --hostfile "$PBS_NODEFILE" -n "$ranks"
 
 if goes_on 1; then
     export CHAIN=$((CHAIN - 1)) INDEX=$index
     names=()
-    for name in CONFIG OPTIONS CHAIN INDEX RUNS MARGIN THREADS BIND GSHEAR LAUNCH JOB_SCRIPTS SCRIPT; do
+    for name in CONFIG OPTIONS CHAIN INDEX RUNS MARGIN THREADS LAYOUT BIND GSHEAR LAUNCH JOB_SCRIPTS SCRIPT; do
         [[ -z ${!name:-} ]] || names+=("$name")
     done
     resources=(-l "select=$(attribute Resource_List.select)")

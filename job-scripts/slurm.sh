@@ -45,8 +45,14 @@ job=${job:-$SLURM_JOB_ID}
 threads=${SLURM_CPUS_PER_TASK:-1}
 left=$(seconds "$(squeue --noheader --job "$job" --format %L 2>/dev/null || true)")
 
+nodes=${SLURM_JOB_NUM_NODES:-1}
+lay_out "$index" "$nodes" "${SLURM_NTASKS:-1}" "$threads"
 # Without pmix in Slurm (srun --mpi=list) set LAUNCH=mpirun. srun does not inherit --cpus-per-task.
-run "$index" "$left" "$threads" "${SLURM_NTASKS:-1}" srun --mpi=pmix --cpus-per-task="$threads"
+launch=(srun --mpi=pmix --cpus-per-task="$threads")
+if [[ -n ${LAYOUT:-} ]]; then
+    launch+=(--ntasks="$ranks" --ntasks-per-node=$((ranks / nodes)))
+fi
+run "$index" "$left" "$threads" "$ranks" "${launch[@]}"
 
 if goes_on $((${SLURM_RESTART_COUNT:-0} + 1)); then
     echo "stopped early; job $job goes back into the queue"

@@ -12,6 +12,7 @@ use std::time::Duration;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 
+use gshear_driver::layout::Cores;
 use gshear_driver::sweep::{ALL, Selection};
 use gshear_scene::templates::{TEMPLATES, Template, template};
 pub use simulate::simulate;
@@ -89,6 +90,11 @@ pub struct CommandLine {
     /// these ranks, and what is unlikely
     #[arg(long)]
     pub check: bool,
+    /// Print which numbers of ranks and threads use these cores best, by a model, the best first,
+    /// as CSV with the time of a step (s) and the share of it that counts: 4x32 are 32 cores on
+    /// each of 4 nodes. Of a sweep for the first of the runs of --sweep
+    #[arg(long, value_name = "[NODESx]CORES", conflicts_with_all = ["check", "resume", "jobs", "overwrite", "profile"])]
+    pub layouts: Option<Cores>,
     /// Print notes and errors alone
     #[arg(long, short)]
     pub quiet: bool,

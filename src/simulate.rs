@@ -11,6 +11,7 @@ use gshear_dem::domain::{Exchange, Solo};
 use gshear_dem::failure::{Failure, Result, STOPPED_EARLY};
 use gshear_driver::folder::{named, same_folder};
 use gshear_driver::launch::{self, Changes, Task};
+use gshear_driver::layout::{Cores, print_layouts};
 use gshear_driver::options::{Options, Outcome, Verbosity};
 use gshear_driver::preview::{check, check_continued};
 use gshear_driver::say::{say, say_error};
@@ -34,12 +35,18 @@ pub fn simulate(commit: &'static str) -> ExitCode {
     let signals = Signals::catch();
     provenance::set_git_commit(commit);
     if let Ok(arguments) = CommandLine::try_parse()
-        && let Some(at_a_time) = arguments.jobs
         && launcher_variable().is_none()
     {
         // Without MPI: the launchers of the runs would take this process for a rank.
-        let outcome = signals.and_then(|_| run_at_a_time(&arguments, at_a_time.into()));
-        return ExitCode::from(exit_code(&outcome, true) as u8);
+        if let Some(at_a_time) = arguments.jobs {
+            let outcome = signals.and_then(|_| run_at_a_time(&arguments, at_a_time.into()));
+            return ExitCode::from(exit_code(&outcome, true) as u8);
+        }
+        // A job script asks before its ranks start.
+        if let Some(cores) = arguments.layouts {
+            let outcome = print_layouts_of(&Solo, &arguments, cores);
+            return ExitCode::from(exit_code(&outcome, true) as u8);
+        }
     }
     let world = World::start();
     let speaks = world.rank() == 0;
@@ -132,6 +139,28 @@ fn run_at_a_time(arguments: &CommandLine, at_a_time: usize) -> Result<Outcome> {
     jobs::run(&sweep, chosen, &jobs, &options)
 }
 
+/// Prints the layouts for the scene, or for the first of the chosen runs of its sweep. Collective.
+fn print_layouts_of(
+    exchange: &dyn Parallel,
+    arguments: &CommandLine,
+    cores: Cores,
+) -> Result<Outcome> {
+    let source = read(exchange, arguments)?;
+    let task = match &arguments.sweep {
+        None => launch::from_the_start(exchange, &source, &arguments.set)?,
+        Some(choice) => {
+            let chosen = match choice {
+                Choice::Run(chosen) => chosen,
+                Choice::List | Choice::Status => &Selection::All,
+            };
+            let out = options(arguments).out;
+            Sweep::new(&source, &arguments.set, out)?.first(exchange, chosen)?
+        }
+    };
+    print_layouts(exchange, &task.scene, cores)?;
+    Ok(Outcome::Done)
+}
+
 fn go(world: &World, arguments: &CommandLine) -> Result<Outcome> {
     if let Some(Command::New { template, file }) = &arguments.command {
         let written = on_root(world, || new_scene::write(template, file.as_deref()))?;
@@ -147,6 +176,9 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome> {
         return Err(Failure::input(format!(
             "--jobs starts each run itself, and {variable} says that a launcher started this program; leave out mpirun or srun, give the ranks of a run with --ranks, or remove {variable} from the environment"
         )));
+    }
+    if let Some(cores) = arguments.layouts {
+        return print_layouts_of(world, arguments, cores);
     }
     let mut options = options(arguments);
     let resume = arguments.resume.as_deref();

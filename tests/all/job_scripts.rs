@@ -78,3 +78,52 @@ fn the_next_job_of_a_chain_has_every_variable_of_the_first() {
         assert!(passed.contains(&name), "{name} is not passed on");
     }
 }
+
+/// With `LAYOUT=auto` a job has the first layout that the program prints for its nodes, of the scene
+/// as the options of the job change it.
+#[test]
+fn a_layout_is_that_of_the_program() {
+    let scene = "configs/plane-shear-2d.toml";
+    let wide = ["--set=sample.grains=100000", "--set", "sample.length=5e-4"];
+    let mut asked = start(env!("CARGO_BIN_EXE_gshear-mpi"));
+    asked.current_dir(ROOT).arg(scene).args(wide);
+    let printed = succeed(asked.args(["--layouts", "2x12"])).stdout;
+    let printed = String::from_utf8(printed).expect("text");
+    let mut rows = printed.lines();
+    assert_eq!(rows.next(), Some("ranks,threads,step_s,efficiency"));
+    let best: Vec<&str> = rows.next().expect("a layout").split(',').collect();
+    let counts: Vec<usize> = best[..2]
+        .iter()
+        .map(|n| n.parse().expect("a count"))
+        .collect();
+    assert_eq!(counts[0] * counts[1], 24, "{printed}");
+    assert_ne!(counts, [8, 3], "the layout that the job has anyway");
+
+    let lay_out = |layout: &str, runs: &str| {
+        let mut bash = start("bash");
+        bash.arg("-c").arg(
+            r#"source job-scripts/common.sh
+            read_arguments usage "$@"
+            lay_out "" 2 8 3 >/dev/null
+            echo "$ranks,$threads""#,
+        );
+        bash.arg("job").arg(scene).args(wide).arg("--out=elsewhere");
+        bash.env("GSHEAR", env!("CARGO_BIN_EXE_gshear-mpi"));
+        bash.env("LAYOUT", layout)
+            .env("RUNS", runs)
+            .current_dir(ROOT);
+        bash.output().expect("bash")
+    };
+    let said = |layout: &str| String::from_utf8(lay_out(layout, "").stdout).expect("text");
+    assert_eq!(said("auto").trim(), best[..2].join(","));
+    assert_eq!(said("").trim(), "8,3");
+    for (layout, runs, wanted) in [
+        ("best", "", "error: LAYOUT=best: must be auto"),
+        ("auto", "2", "error: LAYOUT=auto is for one run at a time"),
+    ] {
+        let refused = lay_out(layout, runs);
+        let text = String::from_utf8_lossy(&refused.stderr);
+        assert_eq!(refused.status.code(), Some(2), "{text}");
+        assert!(text.starts_with(wanted), "{text}");
+    }
+}

@@ -138,7 +138,23 @@ fn jobs_of_pbs_with_stand_ins() {
     for part in ["2 ranks", "--threads 2", "--walltime 862"] {
         assert!(text.contains(part), "no {part} in {text}");
     }
+    let laid_out = Pbs::new(&project, "laid out");
+    let variables = format!(
+        "CONFIG=my.toml,OPTIONS={} --out=out/laid,LAYOUT=auto",
+        SHORT[0]
+    );
+    laid_out.submit(&["-v", &variables]);
+    let [(code, text)] = &laid_out.run()[..] else {
+        panic!("one job")
+    };
+    assert_eq!(*code, 0, "{text}");
+    assert!(
+        text.contains("layout: 2 ranks of 1 threads on 1 nodes of 2 cores"),
+        "{text}"
+    );
+    assert!(text.contains("--map-by ppr:2:node"), "{text}");
     project.run(&["my.toml", SHORT[0], "--out=whole"]);
+    same(&project, "whole", "out/laid");
     same(&project, "whole", "out/my");
 
     let chain = Pbs::new(&project, "chain");

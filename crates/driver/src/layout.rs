@@ -1,10 +1,15 @@
 //! How many ranks and threads use some cores best, by the model of docs/validation/speed.md, "Many
-//! ranks", on one node.
+//! ranks". The network between nodes is left out, since it costs all layouts about the same.
+
+use std::str::FromStr;
 
 use gshear_dem::dimension::{Dimension, Three, Two};
+use gshear_dem::failure::Failure;
+use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Dimensions, Scene};
 
 use crate::estimate::{dense_height, index};
+use crate::say;
 
 /// Times (s) and counts of the model for disks and for spheres; areas are in d̄², or lengths in d̄
 /// of disks. `scripts/scaling_model.py` has their sources.
@@ -141,17 +146,75 @@ impl SampleSize {
         Some(time)
     }
 
-    /// The fastest way to use so many cores, and its time of a step (s).
-    pub fn best(&self, cores: usize) -> Option<(Layout, f64)> {
-        let divisors = (1..=cores).filter(|threads| cores.is_multiple_of(*threads));
+    /// The ways to use all cores of some nodes, with equally many ranks on each node, and their
+    /// times of a step (s), the fastest first. Those whose slabs are too narrow are left out.
+    fn layouts(&self, cores: Cores) -> Vec<(Layout, f64)> {
+        let Cores { nodes, of_node } = cores;
+        let divisors = (1..=of_node).filter(|threads| of_node.is_multiple_of(*threads));
         let layouts = divisors.map(|threads| Layout {
-            ranks: cores / threads,
+            ranks: nodes * of_node / threads,
             threads,
         });
-        layouts
+        let mut layouts: Vec<_> = layouts
             .filter_map(|layout| Some((layout, self.step(layout)?)))
-            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .collect();
+        layouts.sort_by(|a, b| a.1.total_cmp(&b.1));
+        layouts
     }
+}
+
+/// Cores of equal nodes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cores {
+    nodes: usize,
+    of_node: usize,
+}
+
+impl FromStr for Cores {
+    type Err = String;
+
+    /// Reads `128`, of one node, or `4x32`, of 32 on each of four nodes.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (nodes, of_node) = text.split_once('x').unwrap_or(("1", text));
+        let number = |text: &str| {
+            let number: u16 = text.parse().ok()?;
+            (number > 0).then_some(usize::from(number))
+        };
+        match (number(nodes), number(of_node)) {
+            (Some(nodes), Some(of_node)) => Ok(Self { nodes, of_node }),
+            _ => Err(format!(
+                "{text:?} are no cores; write 128, or 4x32 for 32 on each of four nodes"
+            )),
+        }
+    }
+}
+
+/// Prints the ways to use these cores for a scene as CSV on standard output, the fastest first, by
+/// the model: ranks, threads of each, time of a step (s), and the share of it that all cores would
+/// need if they shared the work of one without loss. Collective.
+///
+/// # Errors
+/// Standard output that cannot be written; more nodes than slabs.
+pub fn print_layouts(exchange: &dyn Parallel, scene: &Scene, cores: Cores) -> Result<(), Failure> {
+    let size = SampleSize::of(scene);
+    let layouts = size.layouts(cores);
+    if layouts.is_empty() {
+        return Err(Failure::input(format!(
+            "{} nodes are too many: slabs of a rank on each would be narrower than {NARROWEST} mean diameters; give fewer nodes",
+            cores.nodes
+        )));
+    }
+    let of_one = Layout {
+        ranks: 1,
+        threads: 1,
+    };
+    let alone = size.step(of_one).expect("a slab of all grains");
+    let ideal = alone / (cores.nodes * cores.of_node) as f64;
+    let mut text = String::from("ranks,threads,step_s,efficiency");
+    for (Layout { ranks, threads }, step) in layouts {
+        text += &format!("\n{ranks},{threads},{step:.3e},{:.3}", ideal / step);
+    }
+    say::print(exchange, &text)
 }
 
 /// By how much another use of the same cores must be faster to be worth a word.
@@ -161,7 +224,11 @@ const WORTH_A_WORD: f64 = 1.25;
 pub(crate) fn advice(size: &SampleSize, given: Layout) -> Option<String> {
     let cores = given.ranks * given.threads;
     let time = size.step(given)?;
-    let (best, least) = size.best(cores)?;
+    let of_one_node = Cores {
+        nodes: 1,
+        of_node: cores,
+    };
+    let (best, least) = *size.layouts(of_one_node).first()?;
     let ratio = time / least;
     (ratio >= WORTH_A_WORD).then(|| {
         format!(
@@ -198,14 +265,32 @@ mod tests {
 
     #[test]
     fn a_rank_on_each_core_is_best_while_slabs_are_wide() {
-        assert_eq!(DISKS.best(16).map(|best| best.0), Some(layout(16, 1)));
+        let on_one_node = |cores: &str| cores.parse().expect("cores");
+        let best = |size: &SampleSize, cores| size.layouts(on_one_node(cores))[0];
+        assert_eq!(best(&DISKS, "16").0, layout(16, 1));
         assert_eq!(advice(&DISKS, layout(16, 1)), None);
         // Slabs of 3.5 diameters; threads share what ranks cannot.
         assert_eq!(SPHERES.step(layout(128, 1)), None);
-        let (best, time) = SPHERES.best(128).expect("a layout");
+        let (best, time) = best(&SPHERES, "128");
         assert_eq!(best.ranks * best.threads, 128);
         assert!(best.threads > 1, "{best:?}");
         assert!(SPHERES.step(layout(1, 128)).expect("a step") > time);
+    }
+
+    /// All cores have a thread, and no rank is on two nodes.
+    #[test]
+    fn ranks_are_within_nodes() {
+        let layouts = DISKS.layouts("4x12".parse().expect("cores"));
+        let mut threads: Vec<usize> = layouts.iter().map(|(layout, _)| layout.threads).collect();
+        threads.sort_unstable();
+        assert_eq!(threads, [1, 2, 3, 4, 6, 12]);
+        for (Layout { ranks, threads }, _) in &layouts {
+            assert_eq!((ranks * threads, ranks % 4), (48, 0));
+        }
+        assert!(layouts.is_sorted_by(|a, b| a.1 <= b.1));
+        for wrong in ["", "0", "4x", "4x0", "x4", "4x4x4", "-1", "1e3", "70000"] {
+            assert!(wrong.parse::<Cores>().is_err(), "{wrong}");
+        }
     }
 
     /// Without ranks and threads a step is the time of its grains.

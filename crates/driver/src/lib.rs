@@ -37,7 +37,7 @@ pub mod folder;
 mod frame_analysis;
 pub mod header;
 pub mod launch;
-mod layout;
+pub mod layout;
 mod lock;
 mod memory;
 pub mod options;

@@ -227,6 +227,15 @@ impl<'a> Sweep<'a> {
         check_continued(exchange, || self.task(exchange, member), &options)
     }
 
+    /// The first of some runs, from the start; collective.
+    ///
+    /// # Errors
+    /// A number without a run; an invalid scene.
+    pub fn first(&self, exchange: &dyn Parallel, chosen: &Selection) -> Result<Task> {
+        let numbers = chosen.numbers(self.members.len())?;
+        self.task(exchange, self.member(numbers[0]))
+    }
+
     /// The run of a number that there is, from 1 on.
     fn member(&self, number: usize) -> &Member {
         &self.members[number - 1]
