@@ -124,9 +124,12 @@ fn ring(world: &World, length: usize) {
     for (rank, chosen, _) in links {
         world.begin_halo(HaloMessage {
             rank,
-            width: 1,
-            records: &records,
-            chosen,
+            length: chosen.len(),
+            write: &|numbers| {
+                for (number, &k) in numbers.iter_mut().zip(chosen) {
+                    *number = records[k as usize];
+                }
+            },
             expected: length,
         });
     }
@@ -143,18 +146,16 @@ fn time(world: &World) {
     let (rank, size) = (world.rank(), world.size());
     let n = 20_000;
     for length in [64, 512, 1024, 4096] {
-        let records = vec![1.0; length];
-        let chosen: Vec<u32> = (0..length as u32 / 2).collect();
+        let sent = vec![1.0; length / 2];
         let (left, right) = ((rank + size - 1) % size, (rank + 1) % size);
         let start = Instant::now();
         for _ in 0..n {
             for rank in [left, right] {
                 world.begin_halo(HaloMessage {
                     rank,
-                    width: 1,
-                    records: &records,
-                    chosen: &chosen,
-                    expected: length / 2,
+                    length: sent.len(),
+                    write: &|numbers| numbers.copy_from_slice(&sent),
+                    expected: sent.len(),
                 });
             }
             for rank in [left, right] {

@@ -299,9 +299,14 @@ impl<D: Dimension> Sweep<'_, D> {
         }
         self.system.clock.end(StepPhase::Motion);
         if !is_alone {
-            let System { slabs, grains, .. } = &mut *self.system;
+            let System {
+                slabs,
+                grains,
+                pool,
+                ..
+            } = &mut *self.system;
             let numbers = bands.iter().map(|band| band.band);
-            slabs.begin_exchange(self.exchange, numbers, &grains.record);
+            slabs.begin_exchange(self.exchange, numbers, &grains.record, pool.workers());
             self.system.clock.end(StepPhase::Exchange);
             self.over_shares(bands, ShareTask::AddForces);
         }
@@ -311,9 +316,14 @@ impl<D: Dimension> Sweep<'_, D> {
     /// Waits for the ghosts of bands that have moved, computes the forces that are left, and
     /// completes those on the bands before.
     fn complete_bands(&mut self, bands: &[BandOfStep]) {
-        let System { slabs, grains, .. } = &mut *self.system;
+        let System {
+            slabs,
+            grains,
+            pool,
+            ..
+        } = &mut *self.system;
         let numbers = bands.iter().map(|band| band.band);
-        slabs.end_exchange(self.exchange, numbers, &mut grains.record);
+        slabs.end_exchange(self.exchange, numbers, &mut grains.record, pool.workers());
         self.system.clock.end(StepPhase::Exchange);
         self.add_other_forces(bands);
         self.system.clock.end(StepPhase::Contacts);
@@ -691,8 +701,8 @@ pub fn forces<D: Dimension>(
         pool,
         ..
     } = system;
-    slabs.begin_exchange(exchange, all.clone(), &grains.record);
-    slabs.end_exchange(exchange, all.clone(), &mut grains.record);
+    slabs.begin_exchange(exchange, all.clone(), &grains.record, pool.workers());
+    slabs.end_exchange(exchange, all.clone(), &mut grains.record, pool.workers());
     let forces: Vec<_> = all
         .rev()
         .map(|band| BandForces { law, band, input })

@@ -353,13 +353,13 @@ impl Node {
         numbers <= MOST_NUMBERS && self.direction(self.rank, rank).is_some()
     }
 
-    /// Writes the chosen records into the neighbour's mailbox.
+    /// Lets `write` write a message of `numbers` into the neighbour's mailbox.
     ///
     /// # Panics
-    /// If [`Node::connects`] is false, or a chosen record does not exist.
-    pub fn send(&self, to: usize, records: &[f64], width: usize, chosen: &[u32]) {
+    /// If [`Node::connects`] is false.
+    pub fn send(&self, to: usize, numbers: usize, write: &dyn Fn(&mut [f64])) {
         let direction = self.direction(self.rank, to).expect("a neighbour");
-        assert!(chosen.len() * width <= MOST_NUMBERS, "a message that fits");
+        assert!(numbers <= MOST_NUMBERS, "a message that fits");
         let number = self.sent[direction].get() + 1;
         self.sent[direction].set(number);
         // SAFETY: the slot lives as long as the window. What is written is read by the neighbour
@@ -374,8 +374,7 @@ impl Node {
                 .taken
                 .wait_for(number.saturating_sub(2), &self.patience);
             let message = (&raw mut (*mailbox).message).cast::<f64>();
-            let message = from_raw_parts_mut(message, chosen.len() * width);
-            copy_chosen(records, width, chosen, message);
+            write(from_raw_parts_mut(message, numbers));
             (*mailbox).sent.raise(number);
         }
     }
@@ -547,32 +546,6 @@ fn cpu_set(cpus: &[u64]) -> CpuSet {
         }
     }
     set
-}
-
-/// Copies the chosen records, of `width` numbers each, one after the other.
-///
-/// # Panics
-/// If a chosen record does not exist, or `to` is too small.
-pub(crate) fn copy_chosen(records: &[f64], width: usize, chosen: &[u32], to: &mut [f64]) {
-    // The records of disks and of spheres: a copy of known length takes a few instructions.
-    match width {
-        8 => copy_records::<8>(records, chosen, to),
-        16 => copy_records::<16>(records, chosen, to),
-        _ => {
-            for (to, &chosen) in to.chunks_exact_mut(width).zip(chosen) {
-                to.copy_from_slice(&records[chosen as usize * width..][..width]);
-            }
-        }
-    }
-}
-
-fn copy_records<const WIDTH: usize>(records: &[f64], chosen: &[u32], to: &mut [f64]) {
-    let (records, _) = records.as_chunks::<WIDTH>();
-    let (to, _) = to.as_chunks_mut::<WIDTH>();
-    assert!(to.len() >= chosen.len(), "room for the records");
-    for (to, &chosen) in to.iter_mut().zip(chosen) {
-        *to = records[chosen as usize];
-    }
 }
 
 #[cfg(test)]

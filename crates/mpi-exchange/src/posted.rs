@@ -9,8 +9,6 @@ use mpi::ffi;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::AsRaw;
 
-use crate::node::copy_chosen;
-
 /// A request of the library. Its buffer must live until it is done, which dropping waits for.
 struct Request(ffi::MPI_Request);
 
@@ -37,23 +35,27 @@ impl Drop for Request {
 pub(crate) struct PostedHalo {
     // Dropped before the buffers.
     receive: Request,
-    _send: Request,
+    send: Request,
     received: Vec<f64>,
-    _sent: Vec<f64>,
+    sent: Vec<f64>,
 }
 
 impl PostedHalo {
-    pub fn new(communicator: &SimpleCommunicator, message: HaloMessage<'_>) -> Self {
+    /// Begins a message in these buffers, whatever they hold.
+    pub fn new(
+        communicator: &SimpleCommunicator,
+        message: HaloMessage<'_>,
+        [mut sent, mut received]: [Vec<f64>; 2],
+    ) -> Self {
         let HaloMessage {
             rank,
-            width,
-            records,
-            chosen,
+            length,
+            write,
             expected,
         } = message;
-        let mut sent = vec![0.0; chosen.len() * width];
-        copy_chosen(records, width, chosen, &mut sent);
-        let mut received = vec![0.0; expected];
+        sent.resize(length, 0.0);
+        write(&mut sent);
+        received.resize(expected, 0.0);
         let count = |numbers: &[f64]| i32::try_from(numbers.len()).expect("a short message");
         // SAFETY: the buffers have as many numbers as the calls say, their memory stays in place
         // when the vectors move, and dropping the requests, which comes first, waits for both.
@@ -82,18 +84,19 @@ impl PostedHalo {
         };
         Self {
             receive: Request(receive),
-            _send: Request(send),
+            send: Request(send),
             received,
-            _sent: sent,
+            sent,
         }
     }
 
-    /// Waits for the message of the other rank, and returns it.
+    /// Waits for both messages. Returns that of the other rank, and the buffer of this rank's.
     ///
     /// # Panics
     /// If it has another length than was expected.
-    pub fn end(mut self) -> Vec<f64> {
+    pub fn end(mut self) -> [Vec<f64>; 2] {
         let status = self.receive.wait();
+        self.send.wait();
         let mut count = 0;
         // SAFETY: the status is that of a message of numbers of this type.
         unsafe {
@@ -102,7 +105,7 @@ impl PostedHalo {
         }
         let expected = self.received.len();
         assert_eq!(count as usize, expected, "length of a neighbour's message");
-        std::mem::take(&mut self.received)
+        [&mut self.received, &mut self.sent].map(std::mem::take)
     }
 }
 

@@ -37,6 +37,8 @@ pub struct World {
     hints: Option<Hints>,
     /// Halo messages that are under way, the first one first.
     halos: RefCell<VecDeque<Halo>>,
+    /// Buffers of messages through the library that none uses.
+    idle_buffers: RefCell<Vec<Vec<f64>>>,
     /// The sum that is under way through the library.
     posted_sum: RefCell<Option<PostedSum>>,
     traffic: Cell<Traffic>,
@@ -127,6 +129,7 @@ impl World {
             node: shares.then(|| Node::new(&communicator)).flatten(),
             hints: Hints::new(),
             halos: RefCell::default(),
+            idle_buffers: RefCell::default(),
             posted_sum: RefCell::default(),
             traffic: Cell::default(),
             counts_waits: Cell::new(false),
@@ -403,25 +406,27 @@ impl Exchange for World {
     fn begin_halo(&self, message: HaloMessage<'_>) {
         let HaloMessage {
             rank,
-            width,
-            records,
-            chosen,
+            length,
+            write,
             expected,
         } = message;
-        let numbers = expected.max(chosen.len() * width);
         let mut traffic = self.traffic.get();
         traffic.messages[0] += 1;
-        traffic.messages[1] += (size_of::<f64>() * width * chosen.len()) as u64;
+        traffic.messages[1] += (size_of::<f64>() * length) as u64;
         self.traffic.set(traffic);
         let node = self.node.as_ref();
-        let way = match node.filter(|node| node.connects(rank, numbers)) {
+        let way = match node.filter(|node| node.connects(rank, length.max(expected))) {
             Some(node) => {
                 // A mailbox may have to be emptied first.
                 let _waiting = self.waiting();
-                self.on_node(node, MESSAGES, || node.send(rank, records, width, chosen));
+                self.on_node(node, MESSAGES, || node.send(rank, length, write));
                 Way::SharedMemory(expected)
             }
-            None => Way::Library(PostedHalo::new(&self.communicator, message)),
+            None => {
+                let mut idle = self.idle_buffers.borrow_mut();
+                let buffers = [(); 2].map(|()| idle.pop().unwrap_or_default());
+                Way::Library(PostedHalo::new(&self.communicator, message, buffers))
+            }
         };
         self.halos.borrow_mut().push_back(Halo { rank, way });
     }
@@ -437,9 +442,10 @@ impl Exchange for World {
             }
             (Some(Way::Library(posted)), _) => {
                 let wait = self.wait(MESSAGES);
-                let received = posted.end();
+                let [received, sent] = posted.end();
                 drop(wait);
                 read(&received);
+                self.idle_buffers.borrow_mut().extend([received, sent]);
             }
             _ => panic!("no message is under way from rank {rank}"),
         }

@@ -11,18 +11,15 @@ pub use slabs::Slabs;
 pub(crate) use slabs::most_ranks;
 pub use solo::Solo;
 
-/// A halo message to a neighbour, for which one of its own comes back. Records are `width` numbers
-/// each.
-#[derive(Debug, Clone, Copy)]
+/// A halo message to a neighbour, for which one of its own comes back.
+#[derive(Clone, Copy)]
 pub struct HaloMessage<'a> {
     /// The neighbour.
     pub rank: usize,
-    /// Numbers in a record.
-    pub width: usize,
-    /// This rank's records.
-    pub records: &'a [f64],
-    /// Indices of the records to send.
-    pub chosen: &'a [u32],
+    /// How many numbers are sent.
+    pub length: usize,
+    /// Writes them, into as many places.
+    pub write: &'a dyn Fn(&mut [f64]),
     /// How many numbers come back.
     pub expected: usize,
 }
@@ -69,7 +66,7 @@ pub trait Exchange {
     /// Sends `send[r]` to rank `r`, and returns the messages received, by rank.
     /// `send.len() == size()`.
     fn all_to_all(&self, send: Vec<Vec<u8>>) -> Vec<Vec<u8>>;
-    /// Sends a copy of records to a neighbour, point to point. [`Exchange::end_halo`] must follow
+    /// Sends numbers to a neighbour, point to point. [`Exchange::end_halo`] must follow
     /// before the next; two messages may be under way with a rank that is both neighbours.
     fn begin_halo(&self, message: HaloMessage<'_>);
     /// Waits for the neighbour's message that belongs to the first under way to it, and calls

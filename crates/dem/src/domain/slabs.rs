@@ -2,6 +2,7 @@
 
 use std::marker::PhantomData;
 use std::ops::Range;
+use std::slice;
 
 use bytemuck::{allocation::pod_collect_to_vec, cast_slice, cast_slice_mut};
 
@@ -10,6 +11,7 @@ use crate::dimension::Dimension;
 use crate::failure::{Failure, Result};
 use crate::neighbour::LocalExtent;
 use crate::state::{Bands, CandidatePair, Cell, ContactState, GrainState, Grains};
+use crate::workers::{self, Workers};
 
 /// Bins per rank of the histogram that balances the cuts, and the number of ranks beyond which no
 /// bins are added.
@@ -322,8 +324,9 @@ impl<D: Dimension> Slabs<D> {
         exchange: &dyn Exchange,
         bands: impl Iterator<Item = usize> + Clone,
         record: &[D::Record],
+        workers: Option<&Workers>,
     ) {
-        let width = size_of::<D::Record>() / size_of::<f64>();
+        let width = width::<D>();
         for link in &mut self.links {
             link.chosen.clear();
             let mut ghosts = 0;
@@ -334,9 +337,8 @@ impl<D: Dimension> Slabs<D> {
             }
             exchange.begin_halo(HaloMessage {
                 rank: link.rank,
-                width,
-                records: cast_slice(record),
-                chosen: &link.chosen,
+                length: link.chosen.len() * width,
+                write: &|numbers| pack::<D>(record, &link.chosen, numbers, workers),
                 expected: ghosts * width,
             });
         }
@@ -348,6 +350,7 @@ impl<D: Dimension> Slabs<D> {
         exchange: &dyn Exchange,
         bands: impl Iterator<Item = usize> + Clone,
         record: &mut [D::Record],
+        workers: Option<&Workers>,
     ) {
         for link in &self.links {
             let ghosts = &mut record[link.ghosts.clone()];
@@ -355,9 +358,9 @@ impl<D: Dimension> Slabs<D> {
                 let mut rest = numbers;
                 for band in bands.clone() {
                     let [_, received] = &link.bands[band];
-                    let ghosts = cast_slice_mut(&mut ghosts[received.clone()]);
-                    let (of_band, after) = rest.split_at(ghosts.len());
-                    ghosts.copy_from_slice(of_band);
+                    let ghosts = &mut ghosts[received.clone()];
+                    let (of_band, after) = rest.split_at(ghosts.len() * width::<D>());
+                    unpack::<D>(of_band, ghosts, workers);
                     rest = after;
                 }
             });
@@ -418,9 +421,83 @@ fn as_bytes<T: bytemuck::NoUninit>(messages: &[Vec<T>]) -> Vec<Vec<u8>> {
         .collect()
 }
 
+/// Numbers in a record.
+const fn width<D: Dimension>() -> usize {
+    size_of::<D::Record>() / size_of::<f64>()
+}
+
+/// Least number of records that several threads copy: to copy fewer takes no longer than to meet.
+const COPIED_BY_THREADS: usize = 512;
+
+/// How many of some records a thread copies, and the threads.
+fn divided(records: usize, workers: Option<&Workers>) -> (usize, Option<&Workers>) {
+    let workers = workers.filter(|_| records >= COPIED_BY_THREADS);
+    let part = records.div_ceil(workers::count(workers));
+    (part.max(1), workers)
+}
+
+/// Writes the numbers of the chosen records, one record after the other.
+fn pack<D: Dimension>(
+    record: &[D::Record],
+    chosen: &[u32],
+    numbers: &mut [f64],
+    workers: Option<&Workers>,
+) {
+    let (part, workers) = divided(chosen.len(), workers);
+    let numbers = numbers.chunks_mut(part * width::<D>());
+    let mut parts: Vec<_> = numbers.zip(chosen.chunks(part)).collect();
+    workers::each(workers, &mut parts, |_, (numbers, chosen)| {
+        let places = numbers.chunks_exact_mut(width::<D>());
+        for (place, &g) in places.zip(*chosen) {
+            place.copy_from_slice(cast_slice(slice::from_ref(&record[g as usize])));
+        }
+    });
+}
+
+/// Reads the numbers of records.
+fn unpack<D: Dimension>(numbers: &[f64], record: &mut [D::Record], workers: Option<&Workers>) {
+    let (part, workers) = divided(record.len(), workers);
+    let numbers = numbers.chunks(part * width::<D>());
+    let mut parts: Vec<_> = record.chunks_mut(part).zip(numbers).collect();
+    workers::each(workers, &mut parts, |_, (record, numbers)| {
+        cast_slice_mut(record).copy_from_slice(numbers);
+    });
+}
+
 #[cfg(test)]
 mod tests {
+    use bytemuck::Zeroable;
+
     use super::*;
+    use crate::dimension::{Three, Two};
+
+    /// Records of whole numbers, each other than the others, by so many threads.
+    fn records_arrive_as_they_were<D: Dimension>(threads: usize, sent: u32) {
+        let workers = Workers::start(threads).expect("threads");
+        let mut record = vec![D::Record::zeroed(); 2 * sent as usize];
+        let numbers: &mut [f64] = cast_slice_mut(&mut record);
+        for (k, number) in numbers.iter_mut().enumerate() {
+            *number = k as f64;
+        }
+        let chosen: Vec<u32> = (0..sent).map(|k| 2 * k + 1).collect();
+        let mut numbers = vec![0.0; sent as usize * width::<D>()];
+        pack::<D>(&record, &chosen, &mut numbers, workers.as_ref());
+        let mut ghosts = vec![D::Record::zeroed(); sent as usize];
+        unpack::<D>(&numbers, &mut ghosts, workers.as_ref());
+        for (ghost, &g) in ghosts.iter().zip(&chosen) {
+            let [ghost, wanted] = [ghost, &record[g as usize]].map(bytemuck::bytes_of);
+            assert_eq!(ghost, wanted, "{threads} threads, record {g} of {sent}");
+        }
+    }
+
+    #[test]
+    fn threads_copy_what_one_copies() {
+        let many = COPIED_BY_THREADS as u32;
+        for (threads, sent) in [(1, many), (3, many - 1), (3, many), (3, many + 200), (2, 0)] {
+            records_arrive_as_they_were::<Two>(threads, sent);
+            records_arrive_as_they_were::<Three>(threads, sent);
+        }
+    }
 
     #[test]
     fn a_slower_rank_gets_less_work() {

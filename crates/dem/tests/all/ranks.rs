@@ -148,19 +148,9 @@ impl Exchange for LocalRank<'_> {
     }
 
     fn begin_halo(&self, message: HaloMessage<'_>) {
-        let HaloMessage {
-            rank,
-            width,
-            records,
-            chosen,
-            ..
-        } = message;
-        let mut bytes = Vec::new();
-        for &chosen in chosen {
-            let record = &records[chosen as usize * width..][..width];
-            bytes.extend_from_slice(cast_slice::<f64, u8>(record));
-        }
-        self.post(HALO, rank, bytes);
+        let mut numbers = vec![0.0; message.length];
+        (message.write)(&mut numbers);
+        self.post(HALO, message.rank, cast_slice(&numbers).to_vec());
         let more = u64::from(self.is_summing.get());
         self.meanwhile.set(self.meanwhile.get() + more);
     }
