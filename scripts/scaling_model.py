@@ -31,6 +31,8 @@ BRANCHES = 8
 # A region of parallel work beyond its work (s), and their number in a step:
 # docs/validation/speed.md, "Threads".
 REGION, REGIONS = 0.45e-6, 3
+# Least number of ghosts that threads copy together: crates/dem/src/domain/slabs.rs.
+COPIED_BY_THREADS = 512
 # The work of the rank that has most over the mean, and of the thread that has most (which is also
 # what taking turns on two cores makes of it): docs/figures/work.csv.
 RANK_IMBALANCE, THREAD_IMBALANCE = 1.04, 1.13
@@ -210,13 +212,11 @@ def grain(law: Law, grains: float) -> float:
     return points[-1][1]
 
 
-def has_bands(
-    law: Law, sides: tuple[float, ...], grains: float, threads: int, cache: float
-) -> bool:
+def has_bands(law: Law, sides: tuple[float, ...], grains: float, cache: float) -> bool:
     """Whether a rank advances its grains band by band, several steps at once."""
     fit = cache / law.size
     layer = grains * LAYER / sides[2]
-    return threads == 1 and grains > fit and max(BAND, layer) <= PART * fit
+    return grains > fit and max(BAND, layer) <= PART * fit
 
 
 def between_threads(law: Law, sides: tuple[float, ...], threads: int) -> float:
@@ -248,7 +248,7 @@ def step(law: Law, sample: Sample, cuts: Cuts, threads: int, machine: Machine) -
     nodes = math.ceil(ranks * threads / machine.cores)
     # All cores of a node read what does not fit into their caches; with bands once in some steps.
     missed = max(0.0, 1 - machine.cache * threads / (own * law.size))
-    banded = has_bands(law, sides, own, threads, machine.cache * threads)
+    banded = has_bands(law, sides, own, machine.cache * threads)
     traffic = law.traffic / (STEPS_AT_ONCE if banded else 1)
     from_memory = missed * traffic * on_node * threads / machine.memory
     one = max(grain(law, own / threads), from_memory)
@@ -256,7 +256,8 @@ def step(law: Law, sample: Sample, cuts: Cuts, threads: int, machine: Machine) -
     area = cuts.area(sample)
     duplicates = 0.5 * law.across * area
     ghosts = law.ghosts * area
-    border = duplicates * pair / threads + ghosts * law.copied
+    packing = threads if ghosts / 2 >= COPIED_BY_THREADS else 1
+    border = duplicates * pair / threads + ghosts * law.copied / packing
     lost = between_threads(law, sides, threads) * law.between_threads
     if threads > 1:
         lost += REGIONS * REGION * math.log2(threads) + own * law.alone

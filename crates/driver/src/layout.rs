@@ -22,7 +22,7 @@ struct Constants {
     /// Pairs across an area, and ghosts at each side of it.
     across: f64,
     ghosts: f64,
-    /// To pack and copy a ghost, and more of a pair across two threads.
+    /// For a thread to pack and copy a ghost, and more of a pair across two threads.
     copied: f64,
     between_threads: f64,
     /// What one of several threads does alone, for a grain.
@@ -56,6 +56,8 @@ const SUM: f64 = 0.5e-6;
 const REGIONS: f64 = 1.35e-6;
 /// Ranks whose terms of a sum one rank adds.
 const BRANCHES: f64 = 8.0;
+/// Least number of ghosts that threads copy together: crates/dem/src/domain/slabs.rs.
+const COPIED_BY_THREADS: f64 = 512.0;
 /// The work of the rank that has most over the mean, and of the thread that has most.
 const IMBALANCE: [f64; 2] = [1.04, 1.13];
 /// Width of a cell of the list, and the least of a slab, over d̄.
@@ -121,9 +123,16 @@ impl SampleSize {
         }
         if layout.ranks > 1 {
             let pair = c.of_pairs * c.grain / c.pairs;
-            // Both ranks evaluate the pairs across a cut; one thread packs.
+            // Both ranks evaluate the pairs across a cut.
             let area = 2.0 * section;
-            time += 0.5 * c.across * area * pair / threads + c.ghosts * area * c.copied;
+            time += 0.5 * c.across * area * pair / threads;
+            let ghosts = c.ghosts * section;
+            let packing = if ghosts >= COPIED_BY_THREADS {
+                threads
+            } else {
+                1.0
+            };
+            time += 2.0 * ghosts * c.copied / packing;
             let levels = if ranks <= BRANCHES {
                 1.0
             } else {
