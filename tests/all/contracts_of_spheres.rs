@@ -28,7 +28,7 @@ fn spheres_under_a_spring_keep_the_contracts() {
     // Checkpoints by the time, in the middle of parts, do not reach the numbers.
     let five = [
         "--set=bookkeeping.skin=0.3",
-        "--set=output.checkpoint_time=1e-6",
+        "--set=output.checkpoint_time=3e-4",
     ];
     assert_eq!(run("five", 5, &five).digest(), expected, "5 ranks");
     same_run(&folder.path().join("one"), &folder.path().join("five"));

@@ -1,5 +1,5 @@
-//! HDF5 files written by all ranks together. The `hdf5` crate has no collective transfers, so this
-//! module calls the C library for them; it holds the only unsafe code of this crate.
+//! HDF5 files written by all ranks together. For what the `hdf5` crate does not tell of them, this
+//! module calls the C library; it holds the only unsafe code of this crate.
 
 use super::collective::{CollectiveOutcome, agree, on_root};
 use super::parameter::{Parameters, attributes};
@@ -7,10 +7,10 @@ use gshear_dem::failure::{Failure, Result};
 use gshear_mpi_exchange::{LoneFailure, Parallel};
 use hdf5::types::TypeDescriptor;
 use hdf5::types::{FixedAscii, FixedUnicode, VarLenUnicode};
-use hdf5::{Dataspace, Datatype, H5Type, Location, PropertyList};
-use hdf5_sys::h5::hsize_t;
+use hdf5::{H5Type, Hyperslab, Location, SliceOrIndex};
+use hdf5_sys::h5f;
 use hdf5_sys::h5i::hid_t;
-use hdf5_sys::{h5d, h5f, h5p, h5s};
+use ndarray::ArrayViewD;
 use serde::{Deserialize, Serialize};
 
 mod extents;
@@ -75,8 +75,6 @@ const METADATA_BYTES: u64 = 256 << 10;
 
 struct Context {
     path: PathBuf,
-    /// Transfer properties: collective if there are several ranks.
-    transfer: PropertyList,
     /// Whether a call has failed, or the file was dropped without being closed.
     failed: Cell<bool>,
     /// Whether the file is being closed.
@@ -191,7 +189,8 @@ impl H5File {
             .with_fapl(|access| {
                 if let Some(communicator) = communicator {
                     access.mpio(communicator, exchange.hints());
-                    access.all_coll_metadata_ops(true).coll_metadata_write(true);
+                    // Reads are not collective, as writes of one rank may need them.
+                    access.coll_metadata_write(true);
                 }
                 // Format 1.8 has checksums on most of the file's structure. Format 1.10 would
                 // refuse to open a file left open by a killed program, which could then not be
@@ -201,7 +200,6 @@ impl H5File {
             .open_rw(for_mpi(path, communicator.is_some()))?;
         let context = Context {
             path: path.into(),
-            transfer: transfer(communicator.is_some())?,
             failed: Cell::new(false),
             closes: Cell::new(false),
             lone: exchange.lone_failure(),
@@ -334,11 +332,9 @@ impl H5File {
         dataset: hdf5::Result<hdf5::Dataset>,
     ) -> Result<Dataset> {
         let dataset = self.context.checked(name, what, dataset)?;
-        let datatype = Datatype::from_descriptor(&element);
         let raw_data = RawData::of(dataset.clone());
         self.context.raw_data.borrow_mut().push(raw_data);
         Ok(Dataset {
-            datatype: self.context.checked(name, "describe", datatype)?,
             shape: dataset.shape(),
             inner: dataset,
             name: name.into(),
@@ -607,21 +603,6 @@ fn put_all<T: H5Type>(location: &Location, name: &str, values: &[T]) -> hdf5::Re
     attribute.write_raw(values)
 }
 
-fn transfer(collective: bool) -> hdf5::Result<PropertyList> {
-    hdf5::sync::sync(|| {
-        // SAFETY: the class is a constant of the library, which `sync` has initialised.
-        let id = hdf5::h5check(unsafe { h5p::H5Pcreate(*h5p::H5P_CLS_DATASET_XFER) })?;
-        // SAFETY: the id is that of a new property list, which only `list` closes.
-        let list: PropertyList = unsafe { hdf5::from_id(id) }?;
-        if collective {
-            let mode = h5p::H5FD_mpio_xfer_t::H5FD_MPIO_COLLECTIVE;
-            // SAFETY: the list holds transfer properties and is open.
-            hdf5::h5check(unsafe { h5p::H5Pset_dxpl_mpio(list.id(), mode) })?;
-        }
-        Ok(list)
-    })
-}
-
 /// A box in a dataset of one to three dimensions. Entries beyond the dataset's dimensions are
 /// ignored.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -645,11 +626,9 @@ impl Slab {
 /// A dataset of an [`H5File`].
 pub(crate) struct Dataset {
     inner: hdf5::Dataset,
-    datatype: Datatype,
     shape: Vec<usize>,
     name: String,
     context: Rc<Context>,
-    /// What `datatype` describes.
     element: TypeDescriptor,
 }
 
@@ -687,7 +666,7 @@ impl Dataset {
         self.context.checked(&self.name, "resize", done)
     }
 
-    /// Writes this rank's part: the values `data` of `slab`, which may be empty. Collective.
+    /// Writes this rank's part: the values `data` of `slab`, which may be empty. Not collective.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
@@ -703,32 +682,23 @@ impl Dataset {
         let selected: u64 = count.iter().product();
         let as_many = "as many values as places";
         assert_eq!(selected, data.len() as u64, "{}: {as_many}", self.name);
-        // The same shape as the slab: otherwise HDF5 maps values to places one by one.
-        let shape: Vec<usize> = count.iter().map(|&n| n.max(1) as usize).collect();
-        let written = self.transfer(slab, shape, data);
+        if data.is_empty() {
+            return Ok(());
+        }
+        let shape: Vec<usize> = count.iter().map(|&n| n as usize).collect();
+        let places: Vec<SliceOrIndex> = (slab.start.iter().zip(&shape))
+            .map(|(&start, &count)| SliceOrIndex::SliceCount {
+                start: start as usize,
+                step: 1,
+                count,
+                block: 1,
+            })
+            .collect();
+        // Each rank writes its rows by itself: together, ranks would meet a dozen times for each
+        // dataset, which takes longer than to write them.
+        let values = ArrayViewD::from_shape(shape, data).expect("as many values as places");
+        let written = self.inner.write_slice(values, Hyperslab::from(places));
         self.context.checked(&self.name, "write", written)
-    }
-
-    /// Writes `data`, which are of the type of the dataset and as many as the slab has places.
-    /// `shape`: of the slab, at least 1 along each dimension.
-    fn transfer<T: H5Type>(&self, slab: Slab, shape: Vec<usize>, data: &[T]) -> hdf5::Result<()> {
-        let dimensions = shape.len();
-        let (place, memory) = (self.inner.space()?, Dataspace::try_new(shape)?);
-        hdf5::sync::sync(|| {
-            select(place.id(), slab, dimensions)?;
-            if data.is_empty() {
-                select(memory.id(), slab, dimensions)?;
-            }
-            let (dataset, datatype) = (self.inner.id(), self.datatype.id());
-            let (memory, place) = (memory.id(), place.id());
-            let transfer = self.context.transfer.id();
-            let data = data.as_ptr().cast();
-            // SAFETY: the ids are open; `datatype` describes T, as the only caller asserts;
-            // `memory` selects all of `data`, and `place` selects as many elements.
-            let written =
-                unsafe { h5d::H5Dwrite(dataset, datatype, memory, place, transfer, data) };
-            hdf5::h5check(written).map(drop)
-        })
     }
 
     /// Sets the number of rows and writes this rank's part of them. Collective.
@@ -741,21 +711,6 @@ impl Dataset {
         let written = self.write(slab, data);
         resized.and(written)
     }
-}
-
-/// Selects the slab in a dataspace; nothing if the slab is empty.
-fn select(space: hid_t, slab: Slab, dimensions: usize) -> hdf5::Result<()> {
-    if slab.count[..dimensions].contains(&0) {
-        // SAFETY: the caller's dataspace is open.
-        return hdf5::h5check(unsafe { h5s::H5Sselect_none(space) }).map(drop);
-    }
-    let set = h5s::H5S_seloper_t::H5S_SELECT_SET;
-    let (start, count): ([hsize_t; 3], [hsize_t; 3]) = (slab.start, slab.count);
-    let (start, count, one) = (start.as_ptr(), count.as_ptr(), std::ptr::null());
-    // SAFETY: `start` and `count` have at least as many entries as the dataspace has dimensions; a
-    // null stride or block means 1.
-    let selected = unsafe { h5s::H5Sselect_hyperslab(space, set, start, one, count, one) };
-    hdf5::h5check(selected).map(drop)
 }
 
 /// Appends data that are the same on every rank after the first `before` rows; rank 0 writes them.
