@@ -30,9 +30,10 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
     scalars: dict[str, object] = {"analysis.scalars": True, "output.frame_strain": 0.01}
     scalars |= {"analysis.strain": 2e-3, "shear.strain": 0.04}
     flow: dict[str, object] = {"sample.grains": 120, "sample.length": "10 mm"}
-    flow |= {"output.series_rows": 60, "output.frame_rows": 4}
+    flow |= {"output.series_rows": 60, "output.frame_rows": 4, "output.temperatures": True}
     flow |= {"shear.protocol": [{"velocity": 0.5, "time": 0.03, "pressure": p} for p in (1e3, 4e3)]}
     periodic: dict[str, object] = {"shear.strain": 0.3, "sample.grains": 250}
+    periodic["output.temperatures"] = True
     speeds: dict[str, object] = {"sample.grains": 150, "sample.length": "12 mm"}
     speeds |= {"shear.inertial_number": None, "shear.strain": None, "output.series_strain": None}
     speeds |= {"output.frame_strain": None, "output.series_rows": 150, "output.frame_rows": 5}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +22,7 @@ from gshear.analysis import (
     power_spectrum,
     profiles,
     rattlers,
+    temperatures,
     time_mean,
 )
 
@@ -292,3 +294,57 @@ def test_temperature_and_stress_of_two_grains() -> None:
     expected = 7.0 * np.array([middle, middle * math.exp(-0.5), end])
     np.testing.assert_allclose(fields.stress[:, 0, 0], expected, rtol=2e-4)
     np.testing.assert_allclose(fields.stress[:, 1, 1], 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["disks", "spheres", "flow", "spheres without walls"])
+def test_temperatures_are_those_of_the_series(name: str, originals: Callable[[str], Path]) -> None:
+    with Run(originals(name), quiet=True) as run:
+        rows = run.series.set_index("step")
+        frames = [frame for frame in run.frames if frame.step in rows.index and frame.step > 0]
+        assert len(frames) > 2
+        for frame in frames:
+            row, found = rows.loc[frame.step], temperatures(frame)
+            assert found.velocities == pytest.approx(row["granular_temperature"], rel=1e-10)
+            assert found.spins == pytest.approx(row["spin_temperature"], rel=1e-10)
+            assert found.velocities > 0.0
+
+
+def test_a_file_without_temperatures_has_those_of_its_frames(tmp_path: Path) -> None:
+    """Files of versions before `output.temperatures`."""
+    kept = Path(__file__).parents[2] / "tests/files/walls/run.h5.gz"
+    (tmp_path / "run.h5").write_bytes(gzip.decompress(kept.read_bytes()))
+    with Run(tmp_path, quiet=True) as run:
+        assert not {"granular_temperature", "spin_temperature"} & set(run.series.columns)
+        found = np.array([temperatures(frame) for frame in run.frames])
+    assert len(found) > 3
+    assert np.isfinite(found).all()
+    assert (found[1:] > 0.0).all()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_temperature_of_a_maxwellian(dimension: int) -> None:
+    """On a translation and a shear, which have none."""
+    random, count, up = np.random.default_rng(5), 4000, dimension - 1
+    places = random.random((count, 3)) * 20.0
+    places[:, dimension:] = 0.0
+    flow = np.zeros_like(places)
+    flow[:, 0] = 5.0 + 0.3 * places[:, up]
+    radius = 0.3 + 0.4 * random.random(count)
+    mass = radius**dimension
+    spins = 3 if dimension == 3 else 1
+    spin = np.full((count, spins), 0.7) * places[:, [up]]
+    grains = {"position": places, "radius": radius, "mass": mass, "body": np.zeros(count, int)}
+
+    def found(of_velocities: float, of_spins: float) -> tuple[float, float]:
+        inertia = (0.5 if dimension == 2 else 0.4) * mass * radius**2
+        v = random.standard_normal((count, 3)) * np.sqrt(of_velocities / mass)[:, None]
+        v[:, dimension:] = 0.0
+        w = random.standard_normal((count, spins)) * np.sqrt(of_spins / inertia)[:, None]
+        motion = {"velocity": flow + v, "angular_velocity": (spin + w).squeeze()}
+        return temperatures(planted(dimension, [20.0] * 3, grains | motion, walls=True))
+
+    np.testing.assert_allclose(found(0.0, 0.0), 0.0, atol=1e-24)
+    # Four standard errors.
+    error = 4 * np.sqrt(2 / (dimension * count))
+    np.testing.assert_allclose(found(3.0, 0.0)[0], 3.0, rtol=error)
+    np.testing.assert_allclose(found(0.0, 0.5)[1], 0.5, rtol=4 * np.sqrt(2 / (spins * count)))

@@ -32,6 +32,11 @@ fn bookkeeping_never_reaches_the_numbers() {
             grains_cross(&other);
         }
     }
+    let threads = folder.path().join("threads");
+    let arguments = [SCENE.to_string(), "--threads=3".into()];
+    let outcome = gshear_mpi(1, &threads, &arguments);
+    assert_eq!(outcome.digest(), expected, "3 threads");
+    same_run(&one, &threads);
 
     let start = stopped(&folder.path().join("start"), 1, 1, &[]);
     for (ranks, set) in [
@@ -183,23 +188,24 @@ fn output_changes_nothing() {
         |name: &str, ranks, set: &[&str]| resumed(&start, &folder.path().join(name), ranks, set);
     let expected = run("plain", 1, &[]).digest();
     let beyond = beyond_the_digest(&folder.path().join("plain"));
-    let none = [
+    let none = &[
         "output.frame_strain=0.0",
         "output.series_strain=0.0",
         "output.energy=false",
-    ];
-    let much = [
+    ][..];
+    let much = &[
         "output.frame_strain=1e-9",
         "output.series_strain=1e-9",
         "output.checkpoint_strain=0.1",
-    ];
-    let late = [
+    ][..];
+    let late = &[
         "output.frame_strain=0.013",
         "output.frame_start=0.5",
         "output.series_strain=0.1",
-    ];
+        "output.temperatures=false",
+    ][..];
     for (name, ranks, set) in [("none", 1, none), ("much", 2, much), ("late", 3, late)] {
-        assert_eq!(run(name, ranks, &set).digest(), expected, "{name}");
+        assert_eq!(run(name, ranks, set).digest(), expected, "{name}");
         assert_eq!(
             beyond_the_digest(&folder.path().join(name)),
             beyond,

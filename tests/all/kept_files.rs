@@ -80,6 +80,59 @@ fn a_kept_run_is_read_repeated_and_continued() {
     same_until_the_end(&kept, &both);
 }
 
+/// Temperatures of the fluctuations came after the kept files. Without them a run goes on in its
+/// files, which have no columns of them; with them, in new files alone.
+#[test]
+fn a_kept_run_goes_on_with_and_without_temperatures() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let kept = kept_files("walls", folder.path());
+    let digest = RunFile::open(&kept)
+        .expect("a run")
+        .digest()
+        .map(String::from);
+    let has = |run: &Path| {
+        ["granular_temperature", "spin_temperature"].map(|name| {
+            let run = RunFile::open(run).expect("a run");
+            run.series()
+                .has(name)
+                .then(|| run.series().column(name).to_vec())
+        })
+    };
+    assert_eq!(has(&kept), [None, None]);
+
+    // Its log was not kept: that of the same run, begun now.
+    let again = folder.path().join("again");
+    assert_eq!(
+        Some(gshear_mpi(1, &again, &[scene("walls")]).digest()),
+        digest
+    );
+    std::fs::copy(again.join("log.csv"), kept.join("log.csv")).expect("copied");
+    let checkpoint = kept.join("checkpoint.h5");
+    let resume = format!("--resume={}", checkpoint.display());
+    let temperatures = "--set=output.temperatures=true".to_string();
+    let before = std::fs::read(kept.join("run.h5")).expect("bytes");
+    let refused = gshear_mpi(1, &kept, &[resume.clone(), temperatures.clone()]);
+    assert_eq!(refused.code, 2, "{}", refused.text);
+    for part in ["granular_temperature", "output.temperatures has changed"] {
+        assert!(refused.text.contains(part), "{}", refused.text);
+    }
+    assert_eq!(std::fs::read(kept.join("run.h5")).expect("bytes"), before);
+
+    let warm = |ranks: usize| {
+        let out = folder.path().join(format!("warm-{ranks}"));
+        let outcome = gshear_mpi(ranks, &out, &[resume.clone(), temperatures.clone()]);
+        assert_eq!(Some(outcome.digest()), digest);
+        has(&out).map(|column| column.expect("a column"))
+    };
+    let one = warm(1);
+    assert!(one.iter().flatten().all(|t| *t > 0.0), "{one:?}");
+    assert_eq!(warm(3), one);
+
+    let outcome = gshear_mpi(2, &kept, &[resume]);
+    assert_eq!(Some(outcome.digest()), digest);
+    assert_eq!(has(&kept), [None, None]);
+}
+
 #[test]
 fn a_kept_run_in_a_box_is_read_and_continued() {
     let folder = tempfile::tempdir().expect("a folder");

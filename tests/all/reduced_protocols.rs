@@ -230,7 +230,7 @@ fn a_continuation_with_other_columns_says_why_not() {
         .split_whitespace()
         .collect::<Vec<_>>()
         .join(" ");
-    let why = "or its protocol imposed velocities alone and this one more";
+    let why = "its protocol imposed velocities alone and this one more";
     assert!(
         words.contains("imposed_normal_force") && words.contains(why),
         "{words}"

@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 
 use crate::columns::Column;
 use crate::protocol::Protocol;
-use crate::state::{FlowRow, ImposedRow, SeriesRow, StressRow, body};
+use crate::state::{FlowRow, ImposedRow, SeriesRow, StressRow, TemperatureRow, body};
 
 /// What is at one end of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -290,6 +290,23 @@ pub const KEYS: [&str; 3] = ["walls", "periodic", "free"];
 /// Those of the key `sample.walls`.
 pub const WALLS_KEYS: [&str; 4] = ["layers", "types", "flat", "flat-top"];
 
+/// Columns of the time series that not every scene with a boundary has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FurtherColumns {
+    /// Those of [`ImposedRow`] ([`Boundary::shows_imposed`]).
+    pub imposed: bool,
+    /// Those of [`TemperatureRow`] (`output.temperatures`).
+    pub temperatures: bool,
+}
+
+impl FurtherColumns {
+    /// All of them.
+    pub const ALL: Self = Self {
+        imposed: true,
+        temperatures: true,
+    };
+}
+
 impl Boundary {
     /// The kind of this name.
     pub fn named(name: &str) -> Option<&'static Self> {
@@ -441,29 +458,38 @@ impl Boundary {
         }
     }
 
-    /// Columns of the time series: those of [`SeriesRow`], of [`ImposedRow`] if `imposed`
-    /// ([`Boundary::shows_imposed`]), of [`StressRow`] if there are no walls, and of [`FlowRow`]
-    /// below a free surface.
-    pub fn series_columns(&self, imposed: bool) -> &'static [Column] {
-        static ALL: LazyLock<Vec<[Vec<Column>; 2]>> = LazyLock::new(|| {
+    /// Columns of the time series: those of [`SeriesRow`], of [`ImposedRow`] if there are some, of
+    /// [`StressRow`] if there are no walls, of [`FlowRow`] below a free surface, and of
+    /// [`TemperatureRow`] if there are some.
+    pub fn series_columns(&self, further: FurtherColumns) -> &'static [Column] {
+        static ALL: LazyLock<Vec<[[Vec<Column>; 2]; 2]>> = LazyLock::new(|| {
             let kinds = KINDS.into_iter();
+            let of_imposed = [&[][..], &ImposedRow::COLUMNS];
+            let of_temperatures = [&[][..], &TemperatureRow::COLUMNS];
             kinds
                 .map(|kind| {
-                    [&[][..], &ImposedRow::COLUMNS].map(|imposed| {
-                        let columns = [&SeriesRow::COLUMNS, imposed, kind.further_columns()];
-                        let columns = columns.into_iter().flatten();
-                        columns.map(|column| kind.meant(*column)).collect()
+                    of_imposed.map(|imposed| {
+                        of_temperatures.map(|temperatures| {
+                            let own = kind.further_columns();
+                            let columns = [&SeriesRow::COLUMNS, imposed, own, temperatures];
+                            let columns = columns.into_iter().flatten();
+                            columns.map(|column| kind.meant(*column)).collect()
+                        })
                     })
                 })
                 .collect()
         });
+        let FurtherColumns {
+            imposed,
+            temperatures,
+        } = further;
         let kind = KINDS.iter().position(|kind| *kind == self);
-        &ALL[kind.unwrap_or_default()][usize::from(imposed)]
+        &ALL[kind.unwrap_or_default()][usize::from(imposed)][usize::from(temperatures)]
     }
 
     /// The columns of the time series of all kinds.
     pub fn all_series_columns() -> Vec<Column> {
-        let mut columns = ROUGH_WALLS.series_columns(true).to_vec();
+        let mut columns = ROUGH_WALLS.series_columns(FurtherColumns::ALL).to_vec();
         for kind in KINDS {
             for column in kind.further_columns() {
                 if !columns.contains(column) {
@@ -508,7 +534,7 @@ mod tests {
     #[test]
     fn columns_are_of_what_is_there() {
         for kind in KINDS {
-            let columns = kind.series_columns(true);
+            let columns = kind.series_columns(FurtherColumns::ALL);
             for meaning in kind.meanings {
                 assert!(columns.iter().any(|column| column.name == meaning.column));
             }

@@ -154,6 +154,7 @@ pub mod dimension;
 pub mod domain;
 pub mod drive;
 pub mod failure;
+pub mod fluctuations;
 pub mod kernel;
 pub mod laws;
 mod list;

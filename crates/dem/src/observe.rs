@@ -20,7 +20,6 @@ use crate::state::{
     body,
 };
 use crate::system::System;
-use crate::workers;
 
 /// Numbers of the four sums of a row in its message.
 const SUMS: usize = 4 * (LIMBS + 1);
@@ -198,23 +197,18 @@ impl OwnedSums {
     /// adds those of its share and of a part of the blocks.
     fn of<D: Dimension>(system: &mut System<D>, energy: &FixedPoint, blocks: usize) -> Self {
         system.finish_step();
+        let system = &*system;
         let threads = system.bands.shares();
         let begin = |k: usize| blocks * k / threads;
-        let mut parts: Vec<(SummedPart<'_, D>, Self)> = Vec::with_capacity(threads);
-        for k in 0..threads {
-            let part = SummedPart {
+        let parts = system.by_shares(|k, grains| {
+            system.isa.run(SummedPart {
                 system,
                 energy,
-                grains: system.bands.share(k),
+                grains,
                 blocks: begin(k)..begin(k + 1),
-            };
-            parts.push((part, Self::default()));
-        }
-        workers::each(system.pool.workers(), &mut parts, |_, (part, sums)| {
-            *sums = system.isa.run(part.clone());
+            })
         });
-        let all = parts.into_iter().map(|(_, sums)| sums);
-        all.fold(Self::default(), Self::merge)
+        parts.into_iter().fold(Self::default(), Self::merge)
     }
 
     fn merge(mut self, other: Self) -> Self {
@@ -228,7 +222,7 @@ impl OwnedSums {
 }
 
 /// The owned grains and the blocks over which a thread sums.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 struct SummedPart<'a, D: Dimension> {
     system: &'a System<D>,
     energy: &'a FixedPoint,

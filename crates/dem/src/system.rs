@@ -1,5 +1,7 @@
 //! The state of a rank between two steps, and the upkeep of its lists.
 
+use std::ops::Range;
+
 use crate::budget::EnergyBudget;
 use crate::clock::Clock;
 use crate::contact::model::PairModel;
@@ -19,6 +21,7 @@ use crate::state::{
 };
 use crate::threads::{OwnedPart, ThreadPool};
 use crate::under_way::StepUnderWay;
+use crate::workers;
 
 /// By how much bands are thicker than the cutoff, over the greatest diameter.
 const SLACK: f64 = 0.25;
@@ -228,6 +231,20 @@ impl<D: Dimension> System<D> {
     /// The number of owned grains and ghosts.
     pub fn local(&self) -> usize {
         self.grains.local()
+    }
+
+    /// What each thread makes of its share of the owned grains, in the order of the shares; `work`
+    /// takes the number of a share as well.
+    pub(crate) fn by_shares<T: Send>(
+        &self,
+        work: impl Fn(usize, Range<usize>) -> T + Sync,
+    ) -> Vec<T> {
+        let mut results: Vec<Option<T>> = Vec::new();
+        results.resize_with(self.bands.shares(), || None);
+        workers::each(self.pool.workers(), &mut results, |k, result| {
+            *result = Some(work(k, self.bands.share(k)));
+        });
+        results.into_iter().flatten().collect()
     }
 
     /// Gives the deferred second kick, if it is due, by the same operations as the next step would,

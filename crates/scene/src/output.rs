@@ -32,6 +32,9 @@ table! {
         progress_lines: Whole(FROM_ZERO) { default: "20" },
         /// record the energy budget in the time series
         energy: Flag { default: "true" },
+        /// record the temperatures of the fluctuations in the time series; these columns begin
+        /// with a file, so at a resume only in another folder (`--out`)
+        temperatures: Flag { default: "false" },
     }
 }
 
@@ -70,6 +73,8 @@ pub struct Output {
     pub progress_lines: u64,
     /// Whether the energy budget is recorded.
     pub energy: bool,
+    /// Whether the temperatures of the fluctuations are recorded.
+    pub temperatures: bool,
 }
 
 impl Output {
@@ -121,6 +126,7 @@ pub(crate) fn check(c: &mut Checker<'_>, protocol: bool) -> Output {
         series_rows: c.count(&keys.series_rows),
         progress_lines: c.count(&keys.progress_lines),
         energy: c.flag_or_default(&keys.energy),
+        temperatures: c.flag_or_default(&keys.temperatures),
     }
 }
 

@@ -7,6 +7,7 @@ use crate::output::Output;
 use crate::protocol::{Motion, WallSpeed};
 use crate::scene::Scene;
 use crate::walls::PlaneShear;
+use gshear_dem::boundary::FurtherColumns;
 use gshear_dem::columns::Column;
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::protocol::{Along, Imposed, Normal, Part, Protocol, Ramp};
@@ -307,7 +308,10 @@ impl Schedule {
                 0 => 0,
                 lines => (total / lines).max(1),
             },
-            columns: walls.boundary.series_columns(has_imposed),
+            columns: walls.boundary.series_columns(FurtherColumns {
+                imposed: has_imposed,
+                temperatures: output.temperatures,
+            }),
             has_imposed,
             protocol,
             intervals,

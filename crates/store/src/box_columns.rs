@@ -82,15 +82,16 @@ mod tests {
     use gshear_analysis::frame_scalars::FrameScalars;
     use gshear_dem::columns::Column;
     use gshear_dem::profile::RankProfile;
-    use gshear_dem::state::{FlowRow, ImposedRow, SeriesRow, StressRow};
+    use gshear_dem::state::{FlowRow, ImposedRow, SeriesRow, StressRow, TemperatureRow};
     use std::collections::BTreeSet;
     use std::fmt::Write as _;
 
-    const TABLES: [(&str, &[Column]); 8] = [
+    const TABLES: [(&str, &[Column]); 9] = [
         ("SeriesRow", &SeriesRow::COLUMNS),
         ("ImposedRow", &ImposedRow::COLUMNS),
         ("StressRow", &StressRow::COLUMNS),
         ("FlowRow", &FlowRow::COLUMNS),
+        ("TemperatureRow", &TemperatureRow::COLUMNS),
         ("FrameScalars", &FrameScalars::COLUMNS),
         ("AqsRow", &AqsRow::COLUMNS),
         ("NewtonianRow", &NewtonianRow::COLUMNS),

@@ -150,8 +150,8 @@ fn unfit(path: &Path, why: &str) -> Failure {
 
 const NO_RUN: &str = "it is not the run.h5 of a run, or damaged";
 
-const ANOTHER: &str = "another version wrote the file, or its protocol imposed velocities alone and this one more: \
-     resume with that version or into another folder (--out)";
+const ANOTHER: &str = "another version wrote the file, its protocol imposed velocities alone and this one more, \
+     or output.temperatures has changed: resume with what wrote it or into another folder (--out)";
 
 /// A file that can be continued.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]

@@ -160,8 +160,8 @@ fn check_columns(path: &Path, columns: &[Column]) -> Result<()> {
         let name = names.next().unwrap_or("nothing");
         if name != column.name {
             let why = format!(
-                "it lacks the column {column} (found: {name}); another version wrote it, or its \
-                 protocol imposed velocities alone and this one more"
+                "it lacks the column {column} (found: {name}); another version wrote it, its protocol \
+                 imposed velocities alone and this one more, or output.temperatures has changed"
             );
             return Err(unfit(path, why));
         }

@@ -35,8 +35,10 @@ pub struct Relaxation {
     pub change: f64,
     /// Standard error of `change`, from the scatter among the holds; NaN for a single one.
     pub error: f64,
-    /// Mean granular temperature.
+    /// Mean granular temperature, as in [`SliderRecord`].
     pub temperature: f64,
+    /// That of the spins.
+    pub spin_temperature: f64,
 }
 
 impl Relaxation {
@@ -48,32 +50,32 @@ impl Relaxation {
 }
 
 /// A hold of one record: its velocity before, its duration, and its rows as time since its start,
-/// change of μ, and T.
+/// change of μ, and both temperatures.
 struct Course {
     before: f64,
     duration: f64,
     stiffness: f64,
     reload: Option<f64>,
-    rows: Vec<[f64; 3]>,
+    rows: Vec<[f64; 4]>,
 }
 
 impl Course {
-    /// The change and T at a time.
-    fn at(&self, time: f64) -> Option<[f64; 2]> {
+    /// The change and both temperatures at a time.
+    fn at(&self, time: f64) -> Option<[f64; 3]> {
         let rows = self.rows.iter();
-        let rows: Vec<&[f64; 3]> = rows
+        let rows: Vec<&[f64; 4]> = rows
             .filter(|row| time / WINDOW <= row[0] && row[0] <= time * WINDOW)
             .collect();
         if rows.is_empty() {
             return None;
         }
-        let [mean_change, mean_temperature] =
-            [1, 2].map(|k| rows.iter().map(|row| row[k]).sum::<f64>() / rows.len() as f64);
+        let [mean_change, temperature, spin_temperature] =
+            [1, 2, 3].map(|k| rows.iter().map(|row| row[k]).sum::<f64>() / rows.len() as f64);
         // A mean would be that of earlier times at the end of a hold, which cuts the window.
         let points = rows.iter().map(|row| [(row[0] / time).ln(), row[1]]);
         let line = Line::fit(&points.collect::<Vec<_>>());
         let change = line.map_or(mean_change, |line| line.intercept);
-        Some([change, mean_temperature])
+        Some([change, temperature, spin_temperature])
     }
 }
 
@@ -90,7 +92,14 @@ fn courses(record: &SliderRecord) -> Vec<Course> {
         let start = record.mean_friction(first.unwrap_or(last.end)..last.end);
         let rows = record.rows(segment).map(|row| {
             let change = record.friction[row] - start;
-            [record.time[row] - begin, change, record.temperature[row]]
+            let temperature = record.temperature[row];
+            let spin_temperature = record.spin_temperature[row];
+            [
+                record.time[row] - begin,
+                change,
+                temperature,
+                spin_temperature,
+            ]
         });
         Some(Course {
             before: slide.velocity,
@@ -127,7 +136,9 @@ fn averages(group: &[Course]) -> Vec<Relaxation> {
     let before = times.filter(|t| *t < duration * (1.0 - SAME));
     let averages = before.chain([duration]).filter_map(|time| {
         let means = group.iter().filter_map(|course| course.at(time));
-        let (changes, temperatures): (Vec<f64>, Vec<f64>) = means.map(|[c, t]| (c, t)).unzip();
+        let means: Vec<[f64; 3]> = means.collect();
+        let [changes, temperatures, spin_temperatures] =
+            [0, 1, 2].map(|k| means.iter().map(|row| row[k]).collect::<Vec<f64>>());
         let moments = Moments::of(&changes);
         // At shorter times than those between rows there is nothing to average.
         (changes.len() == group.len()).then(|| Relaxation {
@@ -140,6 +151,7 @@ fn averages(group: &[Course]) -> Vec<Relaxation> {
             change: moments.mean,
             error: moments.error(),
             temperature: mean(&temperatures),
+            spin_temperature: mean(&spin_temperatures),
         })
     });
     averages.collect()

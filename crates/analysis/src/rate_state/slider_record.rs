@@ -21,9 +21,10 @@ pub struct SliderRecord {
     pub friction: Vec<f64>,
     /// `[L]` Normal force N over that of k̄; 1 of a law. The mean of μ = S/N is ⟨S⟩/⟨N⟩.
     pub load: Vec<f64>,
-    /// `[L]` Granular temperature: kinetic energy of a free grain beyond that of a linear velocity
-    /// profile, over P d̄³ (disks: over P d̄²); NaN if it is not known.
+    /// `[L]` Granular temperature over P d̄³ (disks: over P d̄²); NaN if it is not known.
     pub temperature: Vec<f64>,
+    /// `[L]` The same of the spins.
+    pub spin_temperature: Vec<f64>,
     /// `[L]` Standard deviation of μ among the realisations; NaN for a single one.
     pub deviation: Vec<f64>,
     /// Number of realisations averaged.
@@ -36,8 +37,8 @@ const SAME_PROTOCOL: f64 = 1e-3;
 const SAME_STIFFNESS: f64 = 0.05;
 
 impl SliderRecord {
-    /// The record of one run: time, slip and friction, under a constant load. Its temperature is
-    /// not known.
+    /// The record of one run: time, slip and friction, under a constant load. Its
+    /// temperatures are not known.
     pub fn of_run(
         stiffness: f64,
         drive: Vec<DriveSegment>,
@@ -52,6 +53,7 @@ impl SliderRecord {
             load: vec![1.0; friction.len()],
             friction,
             temperature: unknown.clone(),
+            spin_temperature: unknown.clone(),
             deviation: unknown,
             realisations: 1,
         }
@@ -117,6 +119,7 @@ impl SliderRecord {
             friction: self.friction[rows.clone()].to_vec(),
             load: self.load[rows.clone()].to_vec(),
             temperature: self.temperature[rows.clone()].to_vec(),
+            spin_temperature: self.spin_temperature[rows.clone()].to_vec(),
             deviation: self.deviation[rows].to_vec(),
             realisations: self.realisations,
         }
@@ -182,10 +185,11 @@ pub(super) fn mean(members: &[&SliderRecord]) -> SliderRecord {
     let rows = first.time.partition_point(|t| t - first.time[0] <= end);
     let time = first.time[..rows].to_vec();
     let friction = moments_at(&time, members, |r| &r.friction);
-    let [slip, load, temperature] = [
+    let [slip, load, temperature, spin_temperature] = [
         (|r| &r.slip) as fn(&SliderRecord) -> &[f64],
         |r| &r.load,
         |r| &r.temperature,
+        |r| &r.spin_temperature,
     ]
     .map(|values| {
         let moments = moments_at(&time, members, values);
@@ -202,6 +206,7 @@ pub(super) fn mean(members: &[&SliderRecord]) -> SliderRecord {
         friction: friction.iter().map(|moments| moments.mean).collect(),
         load,
         temperature,
+        spin_temperature,
         deviation: friction.iter().map(Moments::deviation).collect(),
         realisations: members.len(),
         time,

@@ -37,7 +37,9 @@ pub(crate) use contacts::{FILLER, way_to_touch};
 pub use frame::{Frame, GrainConstants};
 pub use grains::{FlatWalls, Foot, Grains, Masses, Units};
 pub use ids::Ids;
-pub use records::{ContactSample, FlowRow, GrainSample, ImposedRow, SeriesRow, StressRow};
+pub use records::{
+    ContactSample, FlowRow, GrainSample, ImposedRow, SeriesRow, StressRow, TemperatureRow,
+};
 pub use snapshot::{
     ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, HeldState,
     Snapshot,

@@ -147,3 +147,14 @@ crate::columns! {
         mean_velocity: "m s-1",
     }
 }
+
+crate::columns! {
+    /// Further columns of a row of the time series with `output.temperatures`: temperatures of the
+    /// fluctuations ([`crate::fluctuations`]); NaN if the profiles take all degrees of freedom.
+    pub struct TemperatureRow {
+        /// T, temperature of velocities about their local mean
+        granular_temperature: "J",
+        /// temperature of spins about their local mean
+        spin_temperature: "J",
+    }
+}

@@ -19,5 +19,6 @@ mod registered;
 mod shares;
 mod sleeping_blocks;
 mod sliding;
+mod temperatures;
 mod tsuji;
 mod without_walls;

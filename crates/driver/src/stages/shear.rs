@@ -9,6 +9,7 @@ use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::{Exchange, Traffic};
 use gshear_dem::drive::{MovingBoundary, Slider, Top};
 use gshear_dem::failure::{Failure, Result};
+use gshear_dem::fluctuations::{self, Scales};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, RowInput, SampleConstants};
 use gshear_dem::profile::RankProfile;
@@ -42,6 +43,8 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     boundary: MovingBoundary,
     /// Constants of the sample for the time series.
     frame: SampleConstants,
+    /// Scales for the temperatures, if these are recorded.
+    scales: Option<Scales>,
     /// Mass of the free grains (kg; kg/m in 2D).
     mass: f64,
     files: Files,
@@ -110,6 +113,10 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let (load, sample) = (&plane_shear.load, &scene.sample);
         let energy = load.pressure * sample.mean_section() * load.mean_overlap(sample);
         let frame = SampleConstants::measure(exchange, system, thickness, energy);
+        let scales = plane_shear
+            .output
+            .temperatures
+            .then(|| Scales::measure(exchange, system));
         if plane_shear.output.energy {
             let mut budget = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
             if let Some(mut saved) = from.energy_budget {
@@ -139,6 +146,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             assembly,
             boundary,
             frame,
+            scales,
             mass,
             files,
             step: from.step,
@@ -213,6 +221,9 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             return;
         };
         self.frame.count(run.exchange, system);
+        if let Some(scales) = &mut self.scales {
+            *scales = Scales::measure(run.exchange, system);
+        }
         self.mass = mass_of(run, self.scene, &system.grain_states(), body::FREE);
         run.terminal.warn(format!("{message}; removed"));
     }
@@ -351,6 +362,10 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         }
         if let Some(flow) = flow {
             values.extend(flow.row().columns());
+        }
+        if let Some(scales) = &self.scales {
+            let row = fluctuations::temperatures(exchange, system, scales, &self.frame);
+            values.extend(row.columns());
         }
         self.latest = Some(row);
         self.files.row(exchange, at, &values)

@@ -388,14 +388,21 @@ fn print_relaxation(
     } else {
         String::new()
     };
+    let temperatures = if relaxation.temperature.is_finite() {
+        format!(
+            ", temperatures over P d³ {:.2e}, of spins {:.2e}",
+            relaxation.temperature, relaxation.spin_temperature
+        )
+    } else {
+        String::new()
+    };
     writeln!(
         printer,
-        "hold of {} s after {} m/s, after {} s: μ {:+.4}{error}{law}, granular temperature {:.2e}",
+        "hold of {} s after {} m/s, after {} s: μ {:+.4}{error}{law}{temperatures}",
         digits(relaxation.duration),
         relaxation.before,
         digits(relaxation.time),
         relaxation.change,
-        relaxation.temperature
     )
 }
 

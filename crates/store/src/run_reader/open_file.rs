@@ -21,11 +21,12 @@ use crate::part::{OpenPart, Part, groups};
 use crate::sound::{self, ReadFile};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::boundary::{
-    Boundary, FLAT_WALLS, FREE_SURFACE, FREE_SURFACE_ABOVE_PLANE, PERIODIC, ROUGH_WALLS,
+    Boundary, FLAT_WALLS, FREE_SURFACE, FREE_SURFACE_ABOVE_PLANE, FurtherColumns, PERIODIC,
+    ROUGH_WALLS,
 };
 use gshear_dem::columns::Column;
 use gshear_dem::failure::{Failure, Result};
-use gshear_dem::state::{FlowRow, GrainConstants, ImposedRow, body};
+use gshear_dem::state::{FlowRow, GrainConstants, ImposedRow, TemperatureRow, body};
 
 /// Every HDF5 file begins with these bytes.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
@@ -278,7 +279,10 @@ impl<'a> OpenFile<'a> {
 
     /// Columns of the time series of a shear with this boundary.
     pub(super) fn columns_of_shear(&self, boundary: &'static Boundary) -> &'static [Column] {
-        boundary.series_columns(self.has_row(&ImposedRow::COLUMNS))
+        boundary.series_columns(FurtherColumns {
+            imposed: self.has_row(&ImposedRow::COLUMNS),
+            temperatures: self.has_row(&TemperatureRow::COLUMNS),
+        })
     }
 
     /// Whether the time series has the columns of a row, which are there together.

@@ -23,6 +23,7 @@ from .deformation import displacement, local_strain, non_affine_displacement
 from .events import PowerLaw, avalanches, b_value, power_law
 from .fields import Fields, coarse_grained, profiles
 from .flow import fit_mu_of_i, fit_phi_of_i
+from .fluctuations import Temperatures, temperatures
 from .modes import participation_ratio
 from .series import autocorrelation, power_spectrum
 from .structure import g_of_r, spatial_correlation, structure_factor
@@ -30,6 +31,7 @@ from .structure import g_of_r, spatial_correlation, structure_factor
 __all__ = [
     "Fields",
     "PowerLaw",
+    "Temperatures",
     "TimeMean",
     "autocorrelation",
     "avalanches",
@@ -55,5 +57,6 @@ __all__ = [
     "solid_fractions",
     "spatial_correlation",
     "structure_factor",
+    "temperatures",
     "time_mean",
 ]

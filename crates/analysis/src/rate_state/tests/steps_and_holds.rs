@@ -227,6 +227,7 @@ fn relaxations_are_averaged_over_holds() {
         let (slip, friction) = (time.clone(), time.iter().map(of).collect());
         SliderRecord {
             temperature: vec![10.0 * c; time.len()],
+            spin_temperature: vec![5.0 * c; time.len()],
             ..SliderRecord::of_run(STIFFNESS, drive, [time, slip, friction])
         }
     };
@@ -242,6 +243,7 @@ fn relaxations_are_averaged_over_holds() {
         // 0.01 above and below, two of each: 0.01 √(4/3)/√4.
         assert_near(of.error, 0.01 * law.abs() / 3f64.sqrt(), 3e-3);
         assert!((of.temperature - 0.2).abs() < 1e-12);
+        assert!((of.spin_temperature - 0.1).abs() < 1e-12);
     }
 
     let law = RateStateLaw {

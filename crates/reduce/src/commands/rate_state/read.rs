@@ -12,15 +12,15 @@ const IMPOSED: &str = "imposed_normal_force";
 /// change.
 const SAME_LOAD: f64 = 0.05;
 /// Columns that a row must have. Friction is undefined where the slider touches nothing.
-const MEASURED: [&str; 7] = [
+const MEASURED: [&str; 5] = [
     "stress_ratio",
     "normal_force",
     "slip",
     "drive_velocity",
     "drive_displacement",
-    "slip_rate",
-    "kinetic_energy",
 ];
+/// Of velocities and of spins; recorded with `output.temperatures`.
+const TEMPERATURES: [&str; 2] = ["granular_temperature", "spin_temperature"];
 /// Smallest number of rows of the time series in a segment.
 const FEWEST_ROWS: usize = 20;
 
@@ -42,15 +42,10 @@ pub fn record(run: &RunFile) -> Result<SliderRecord> {
         .filter(|row| measured.iter().all(|column| column[*row].is_finite()))
         .collect();
     let time = chosen(&series.time, &whole);
-    let [
-        friction,
-        normal_force,
-        slip,
-        velocity,
-        displacement,
-        slip_rate,
-        kinetic_energy,
-    ] = measured.map(|column| chosen(column, &whole));
+    let [friction, normal_force, slip, velocity, displacement] =
+        measured.map(|column| chosen(column, &whole));
+    let [temperature, spin_temperature] =
+        TEMPERATURES.map(|name| scaled_temperature(run, name, &whole));
     if let Some(row) = (1..time.len()).find(|&row| time[row] <= time[row - 1]) {
         let name = "observables/stress_ratio/time";
         return Err(run.wrong(format!("{name}: does not increase at row {row}")));
@@ -67,7 +62,8 @@ pub fn record(run: &RunFile) -> Result<SliderRecord> {
     }
     let record = SliderRecord {
         load: normal_force.iter().map(|n| n / force).collect(),
-        temperature: temperature(run, &slip_rate, &kinetic_energy),
+        temperature,
+        spin_temperature,
         ..SliderRecord::of_run(spring / force, drive, [time, slip, friction])
     };
     let tested = tested(&record).map_err(|what| run.wrong(what))?;
@@ -105,28 +101,18 @@ fn one_load(record: &SliderRecord, imposed: &[f64]) -> Result<(), String> {
     ))
 }
 
-/// The granular temperature of every row: (E/n - m̄ V²/6)/(P d̄³), in 2D over P d̄², with the
-/// kinetic energy E and the mean mass m̄ of the n free grains, and the velocity V of the top wall.
-/// m̄ V²/6 is the energy of a linear velocity profile, which that of a cell without walls does not
-/// contain. NaN without a pressure or free grains.
-fn temperature(run: &RunFile, rate: &[f64], kinetic: &[f64]) -> Vec<f64> {
-    let grains = run.grains();
-    let free = grains.mass.iter().zip(&grains.body);
-    let free = free.filter(|(_, body)| **body == 0);
-    let masses: Vec<f64> = free.map(|(m, _)| *m).collect();
-    let count = masses.len() as f64;
-    let mass = masses.iter().sum::<f64>() / count;
-    let diameter = 2.0 * grains.mean_radius();
-    let unit =
-        run.number("pressure").unwrap_or(f64::NAN) * diameter.powi(run.dimension().axes() as i32);
-    let streaming = if run.boundary().has_walls() {
-        mass / 6.0
-    } else {
-        0.0
-    };
-    let rows = rate.iter().zip(kinetic);
-    let temperatures = rows.map(|(v, energy)| (energy / count - streaming * v * v) / unit);
-    temperatures.collect()
+/// A column of temperatures over P d̄³, in 2D over P d̄², in some rows. NaN without the column or a
+/// pressure.
+fn scaled_temperature(run: &RunFile, name: &str, rows: &[usize]) -> Vec<f64> {
+    let series = run.series();
+    if !series.has(name) {
+        return vec![f64::NAN; rows.len()];
+    }
+    let diameter = 2.0 * run.grains().mean_radius();
+    let pressure = run.number("pressure").unwrap_or(f64::NAN);
+    let unit = pressure * diameter.powi(run.dimension().axes() as i32);
+    let temperatures = chosen(series.column(name), rows);
+    temperatures.iter().map(|t| t / unit).collect()
 }
 
 /// Cuts the record to start at its first slide, and checks the number of segments and of their

@@ -26,6 +26,9 @@ fn known(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
+/// Columns of both temperatures.
+const SCALED_TEMPERATURES: [&str; 2] = ["scaled_temperature", "scaled_spin_temperature"];
+
 const BOTH: [Evolution; 2] = [Evolution::Aging, Evolution::Slip];
 
 /// Returns a number of the experiment as predicted by the two laws.
@@ -86,9 +89,11 @@ fn segments(reduction: &Reduction) -> String {
             let steady = experiment.steady[*segment];
             [steady.map(|s| s.friction), steady.map(|s| s.error)].map(|x| x.and_then(known))
         })
-        .column("granular_temperature", |(_, experiment, segment, _)| {
-            let [_, half] = experiment.record.halves(*segment);
-            known(mean(&experiment.record.temperature[half]))
+        .columns(SCALED_TEMPERATURES, |(_, experiment, segment, _)| {
+            let record = &experiment.record;
+            let [_, half] = record.halves(*segment);
+            [&record.temperature, &record.spin_temperature]
+                .map(|column| known(mean(&column[half.clone()])))
         })
         .csv()
 }
@@ -179,8 +184,8 @@ fn relaxations(reduction: &Reduction) -> String {
         .column("change_direct_effect_reload", |relaxation| {
             known(relaxation.of_direct_effect(a?, relaxation.reload))
         })
-        .column("granular_temperature", |relaxation| {
-            known(relaxation.temperature)
+        .columns(SCALED_TEMPERATURES, |relaxation| {
+            [relaxation.temperature, relaxation.spin_temperature].map(known)
         })
         .csv()
 }
