@@ -21,7 +21,7 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 # Bound ranks of two runs would share the first cores and leave the others idle.
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
-.PHONY: help deps build run test lint python docs scaling bench accuracy stress faults queues peers million book own-law mpich wheel manual install uninstall release clean
+.PHONY: help deps build run test lint python docs tables scaling bench accuracy stress faults queues peers million book own-law mpich wheel manual install uninstall release clean
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT)); START=--overwrite starts again"
@@ -119,6 +119,10 @@ uninstall:
 
 release: deps
 	@scripts/release
+
+# Which tables under docs/figures are of an older physics.
+tables:
+	python3 scripts/tables.py
 
 scaling: build
 	@scripts/scaling
