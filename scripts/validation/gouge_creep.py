@@ -8,7 +8,8 @@ of docs/validation/gouge.md. NAME is one or more of impedance, holds, frequencie
 long_holds, large, reload, reslides, damping, steps, long_steps, collapse, figure (default: all).
 Runs that are there already are not made again. About five hours of a core, three of them the steps
 of 5 mm.
-kicks needs xxhash of PyPI, for the checksum of a checkpoint that it changes.
+kicks needs xxhash of PyPI, for the checksum of a checkpoint that it changes. e_k is the kinetic
+energy of a free grain over P d³.
 """
 
 from __future__ import annotations
@@ -54,10 +55,14 @@ SLIPS = (0.0, 1e-6, 2.5e-6, 5e-6, 10e-6, 25e-6)
 
 
 def program(out: Path, *arguments: str) -> None:
-    """Makes a run, if it is not there."""
-    if not (out / "run.h5").exists():
-        # Rank and messages are of no interest; the reason of a failure is on standard error.
-        subprocess.run([PROGRAM, *arguments, "--quiet"], check=True, stdout=subprocess.DEVNULL)
+    """Makes a run, if it is not there and finished."""
+    if (out / "run.h5").exists():
+        with Run(out, quiet=True) as run:
+            if run.finished:
+                return
+        shutil.rmtree(out)
+    # Rank and messages are of no interest; the reason of a failure is on standard error.
+    subprocess.run([PROGRAM, *arguments, "--quiet"], check=True, stdout=subprocess.DEVNULL)
 
 
 def base(out: Path, seed: int, name: str = "base", *sets: str) -> Path:
@@ -139,7 +144,7 @@ def agitated(amplitude: float, frequency: float = FREQUENCY) -> str:
 def holds(out: Path) -> None:
     """Holds under vibration, after a slide without and with it."""
     print(
-        "vibrated,amplitude (m),T," + ",".join(f"{t * 1e3:g} ms" for t in TIMES) + ",per factor e"
+        "vibrated,amplitude (m),e_k," + ",".join(f"{t * 1e3:g} ms" for t in TIMES) + ",per factor e"
     )
     for kind, amplitudes in (("hold", (0.0, *AMPLITUDES)), ("slide", AMPLITUDES[1:2])):
         for amplitude in amplitudes:
@@ -159,7 +164,9 @@ def holds(out: Path) -> None:
 
 def frequencies(out: Path) -> None:
     """Holds under vibrations of other frequencies, of the same velocities."""
-    print("frequency (Hz),amplitude (m),T," + ",".join(f"{t * 1e3:g} ms" for t in TIMES) + ",slope")
+    print(
+        "frequency (Hz),amplitude (m),e_k," + ",".join(f"{t * 1e3:g} ms" for t in TIMES) + ",slope"
+    )
     for frequency in FREQUENCIES:
         for amplitude in AMPLITUDES:
             of = agitated(amplitude * FREQUENCY / frequency, frequency)
@@ -175,7 +182,7 @@ def frequencies(out: Path) -> None:
 
 def loads(out: Path) -> None:
     """Holds while the load vibrates, not the wall."""
-    print("amplitude (Pa),T," + ",".join(f"{t * 1e3:g} ms" for t in TIMES) + ",slope")
+    print("amplitude (Pa),e_k," + ",".join(f"{t * 1e3:g} ms" for t in TIMES) + ",slope")
     for amplitude in LOADS:
         of = f"pressure=5e6,pressure_amplitude={amplitude},pressure_frequency={FREQUENCY}"
         rows = []
@@ -215,7 +222,7 @@ def kick(checkpoint: Path, deviation: float, random: np.random.Generator) -> Non
 
 def kicks(out: Path) -> None:
     """Holds in which the free grains get random velocities at 20 kHz."""
-    print("kicks (m/s),T," + ",".join(f"{t * 1e3:g} ms" for t in TIMES) + ",slope")
+    print("kicks (m/s),e_k," + ",".join(f"{t * 1e3:g} ms" for t in TIMES) + ",slope")
     for deviation in KICKS:
         rows = []
         for seed in SEEDS:
@@ -253,7 +260,7 @@ def long_holds(out: Path) -> None:
     """Holds of 100 ms under vibration: whether the logarithm goes on."""
     # Rows are 0.1 ms apart.
     times = (*TIMES[1:], 30e-3, 90e-3)
-    print("amplitude (m),T," + ",".join(f"{t * 1e3:g} ms" for t in times) + ",slope")
+    print("amplitude (m),e_k," + ",".join(f"{t * 1e3:g} ms" for t in times) + ",slope")
     for amplitude in AMPLITUDES[1:3]:
         parts = [FAST, SLIDE, f"{{velocity=0.0,time=100e-3{agitated(amplitude)}}}"]
         rows = []
@@ -267,7 +274,7 @@ def long_holds(out: Path) -> None:
 def large(out: Path) -> None:
     """The same holds with the paper's number of spheres, one packing."""
     size = ("sample.grains=4815", "sample.length=60e-3", "sample.width=60e-3")
-    print("amplitude (m),T," + ",".join(f"{t * 1e3:g} ms" for t in TIMES) + ",per factor e")
+    print("amplitude (m),e_k," + ",".join(f"{t * 1e3:g} ms" for t in TIMES) + ",per factor e")
     for amplitude in AMPLITUDES[1:]:
         parts = [FAST, SLIDE, f"{{velocity=0.0,time=10e-3{agitated(amplitude)}}}"]
         start = (base(out, 1, "large", *size), 2)
@@ -307,17 +314,17 @@ def damping(out: Path) -> None:
         *("contact.restitution=none", "contact.impact_speed=none", "contact.impact_diameter=none"),
         "contact.normal_damping=1.0e4",
     ]
-    print("damping,T in the slide," + ",".join(f"{t * 1e3:g} ms" for t in TIMES))
+    print("damping,e_k in the slide," + ",".join(f"{t * 1e3:g} ms" for t in TIMES))
     for name, sets in (("base", []), ("literal", literal)):
         folders = [
             branch(out, (base(out, seed), 1), name + "-damping", parts, *sets) for seed in SEEDS
         ]
-        rows = [[slide_temperature(f), *relaxation(f, f)[1:-1]] for f in folders]
+        rows = [[slide_energy(f), *relaxation(f, f)[1:-1]] for f in folders]
         print(f"{name}," + ",".join(mean(list(column)) for column in np.transpose(rows)))
 
 
-def slide_temperature(folder: Path) -> float:
-    """The granular temperature in the latter half of a slide at 0.1 m/s."""
+def slide_energy(folder: Path) -> float:
+    """e_k less that of a linear profile in the latter half of a slide at 0.1 m/s."""
     velocity, rate, kinetic = columns(folder, "drive_velocity", "slip_rate", "kinetic_energy")
     slide = np.flatnonzero(velocity == 0.1)
     late = slide[len(slide) // 2 :]
@@ -335,7 +342,7 @@ def units(folder: Path) -> tuple[float, int, float]:
 
 
 def relaxation(folder: Path, slide: Path, times: tuple[float, ...] = TIMES) -> list[float]:
-    """T in the latter half of a hold, changes of μ after `times`, and their slope over ln t.
+    """e_k in the latter half of a hold, changes of μ after `times`, and their slope over ln t.
 
     Changes are since the end of the slide before, which is in the run `slide`.
     """
@@ -399,7 +406,7 @@ def steps(out: Path) -> None:
 
 def long_steps(out: Path) -> None:
     """Velocity steps of 5 mm, 0.1, 0.01, 0.1 m/s, under vibration, for gshear-reduce rate-state."""
-    print("amplitude (m),T at 0.01 m/s,down,up,the last 2.5 mm over ln 10")
+    print("amplitude (m),e_k at 0.01 m/s,down,up,the last 2.5 mm over ln 10")
     for amplitude in (AMPLITUDES[2], 0.0, AMPLITUDES[1], AMPLITUDES[3]):
         of = agitated(amplitude)
         parts = [FAST, *(f"{{velocity={v},distance=5e-3{of}}}" for v in (0.1, 0.01, 0.1))]
@@ -413,9 +420,9 @@ def long_steps(out: Path) -> None:
             edges = [0, *(np.flatnonzero(np.diff(velocity)) + 1), len(mu)]
             fast, slow, again = [mu[(a + b) // 2 : b].mean() for a, b in pairwise(edges)][-3:]
             unit, free, _ = units(folder)
-            temperature = kinetic[velocity == 0.01].mean() / free / unit
+            energy = kinetic[velocity == 0.01].mean() / free / unit
             rate = (0.5 * (fast + again) - slow) / np.log(10.0)
-            rows.append([temperature, slow - fast, again - slow, rate])
+            rows.append([energy, slow - fast, again - slow, rate])
         print(f"{amplitude}," + ",".join(mean(list(column)) for column in np.transpose(rows)))
 
 
@@ -462,11 +469,8 @@ def collapse(out: Path) -> None:
 
 
 def figure(out: Path) -> None:
-    """The slopes of all agitated holds over T, in OUT/creep.csv and OUT/creep.svg."""
-    import matplotlib.pyplot as plt
-
-    table = ["source,amplitude,granular_temperature,error,per_factor_e,error_per_factor_e"]
-    axes = plt.figure(figsize=(6.0, 4.0), layout="constrained").subplots()
+    """The slopes of all agitated holds over e_k, in OUT/creep.csv and OUT/creep.svg."""
+    table = ["source,amplitude,scaled_kinetic_energy,error,per_factor_e,error_per_factor_e"]
     sources = {
         "wall, 20 kHz": [(a, f"hold-{a}", "base", SEEDS) for a in AMPLITUDES],
         **{
@@ -482,27 +486,36 @@ def figure(out: Path) -> None:
         ],
     }
     for source, holds in sources.items():
-        points = []
         for amplitude, name, before, seeds in holds:
             rows = [relaxation(out / name / f"seed-{s}", out / before / f"seed-{s}") for s in seeds]
             rows = np.array(rows)[:, [0, -1]]
             error = (
                 rows.std(axis=0, ddof=1) / np.sqrt(len(seeds)) if len(seeds) > 1 else [np.nan] * 2
             )
-            points.append([*rows.mean(axis=0), *error])
-            (t, slope, of_t, of_slope) = points[-1]
-            cells = f"{amplitude:g},{t:.4g},{of_t:.2g},{slope:.4f},{of_slope:.4f}"
+            energy, per_factor = rows.mean(axis=0)
+            cells = f"{amplitude:g},{energy:.4g},{error[0]:.2g},{per_factor:.4f},{error[1]:.4f}"
             table.append(f'"{source}",{cells}'.replace("nan", ""))
-        t, slope, of_t, of_slope = np.transpose(points)
-        line = "s" if len(seeds) == 1 else "o-"
-        axes.errorbar(t, -slope, of_slope, of_t, fmt=line, capsize=2, label=source)
+    (out / "creep.csv").write_text("\n".join(table) + "\n")
+    draw(out / "creep.csv", out / "creep.svg")
+
+
+def draw(table: Path, path: Path) -> None:
+    """Draws the table of `figure`."""
+    import matplotlib.pyplot as plt
+
+    axes = plt.figure(figsize=(6.0, 4.0), layout="constrained").subplots()
+    for source, rows in read_csv(table).groupby("source", sort=False):
+        line = "s" if rows["error"].isna().all() else "o-"
+        energy, per_factor = rows["scaled_kinetic_energy"], -rows["per_factor_e"]
+        errors = rows["error_per_factor_e"], rows["error"]
+        axes.errorbar(energy, per_factor, *errors, fmt=line, capsize=2, label=source)
     axes.axhline(0.0247, color="black", linestyle="--", label="a of the paper")
-    axes.set(xscale="log", xlabel="granular temperature T", xlim=(1e-6, 1e-4), ylim=(0, None))
+    axes.set(xscale="log", xlabel="kinetic energy of a grain over P d³", xlim=(1e-6, 1e-4))
+    axes.set_ylim(0, None)
     axes.xaxis.set_minor_formatter("")
     axes.set_ylabel("fall of μ in a hold, per factor e of time")
     axes.legend(fontsize="small")
-    (out / "creep.csv").write_text("\n".join(table) + "\n")
-    axes.figure.savefig(out / "creep.svg", metadata={"Date": None})
+    axes.figure.savefig(path, metadata={"Date": None})
 
 
 EXPERIMENTS = (
