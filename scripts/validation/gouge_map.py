@@ -6,8 +6,8 @@
 Runs configs/gouge-holds-cheap.toml with three seeds into OUT and holds that branch from it, and
 writes a line into OUT/holds.csv as each hold ends. NAME is one or more of wall, long, load, steps,
 large, kicks, table (default: all). Runs that are there already are not made again. table writes the
-tables OUT/gouge-map-runs.csv, OUT/gouge-map.csv, OUT/gouge-collapse.csv and the figure
-OUT/gouge-map.svg of docs/validation/gouge.md. GSHEAR_MPI names the program.
+tables OUT/gouge-map-runs.csv, OUT/gouge-map.csv, OUT/gouge-collapse.csv, OUT/gouge-steps.csv and
+the figure OUT/gouge-map.svg of docs/validation/gouge.md. GSHEAR_MPI names the program.
 """
 
 from __future__ import annotations
@@ -403,6 +403,40 @@ def draw(table: pd.DataFrame, path: Path) -> None:
     figure.savefig(path, metadata={"Date": None})
 
 
+def slides(out: Path) -> tuple[pd.DataFrame, list[str]]:
+    """The agitated slides of `steps` and the digests of their runs.
+
+    μ and T are means over the latter half of a slide; `per_factor_e` is the change of μ from the
+    slide before over that of ln V.
+    """
+    rows, digests = [], []
+    for folder in sorted((out / "steps").glob("seed-*")):
+        unit, _, _ = units(folder)
+        with Run(folder, quiet=True) as run:
+            series = run.series
+            digests.append(str(run.parameters["digest"]))
+        part = series["drive_velocity"].diff().ne(0.0).cumsum()
+        before = None
+        for _, slide in series.groupby(part):
+            late = slide.iloc[len(slide) // 2 :]
+            velocity, mu = slide["drive_velocity"].iloc[0], late["stress_ratio"].mean()
+            change = float("nan")
+            if before is not None:
+                change = (mu - before[1]) / np.log(velocity / before[0])
+            before = (velocity, mu)
+            rows.append(
+                {
+                    "seed": int(folder.name.rpartition("-")[2]),
+                    "velocity": velocity,
+                    "slip": slide["slip"].iloc[-1] - slide["slip"].iloc[0],
+                    "mu": mu,
+                    "scaled_temperature": late["granular_temperature"].mean() / unit,
+                    "per_factor_e": change,
+                }
+            )
+    return pd.DataFrame(rows), digests
+
+
 def table(out: Path) -> None:
     """Writes the tables and the figure, and the digest of each for made.csv."""
     runs = pd.read_csv(out / "holds.csv").sort_values([*POINT, "seed"])
@@ -413,6 +447,18 @@ def table(out: Path) -> None:
         rows.to_csv(out / f"{name}.csv", index=False, float_format="%.4g")
         print(f"{name}.csv: {len(runs)} runs, digest {joined(runs['digest'])}")
     draw(mapped, out / "gouge-map.svg")
+    table_of_steps(out)
+
+
+def table_of_steps(out: Path) -> None:
+    """Writes the table of the velocity steps, and prints their mean over packings."""
+    joined = runpy.run_path(str(Path(__file__).parents[1] / "tables.py"))["joined"]
+    rows, digests = slides(out)
+    rows.to_csv(out / "gouge-steps.csv", index=False, float_format="%.4g")
+    print(f"gouge-steps.csv: {len(digests)} runs, digest {joined(digests)}")
+    of_packings = rows.groupby("seed")["per_factor_e"].mean()
+    print(f"per factor e: {of_packings.mean():.4f} ± {of_packings.sem():.4f} over packings")
+    print(f"single steps: ± {rows['per_factor_e'].std():.4f}")
 
 
 EXPERIMENTS = (wall, long, load, steps, large, kicks)
