@@ -4,6 +4,7 @@ mod compare;
 mod correlate;
 mod export;
 mod fixture;
+mod laboratory;
 mod movie;
 mod rate_state;
 mod reading;

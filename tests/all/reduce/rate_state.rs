@@ -19,6 +19,7 @@ const LAW: RateStateLaw = RateStateLaw {
     a: 0.0178,
     b: 0.0247,
     d_c: 0.0053,
+    second: None,
     v_star: 0.02,
 };
 /// N.

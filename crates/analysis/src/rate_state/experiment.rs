@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::evolution_law::Evolution;
-use super::fit::{Fit, chi_squared, fit};
+use super::fit::{Fit, FitForm, chi_squared, fit};
 use super::slider_record::SliderRecord;
 use super::steps_and_holds::{self, Healing, Hold, Steady, VelocityStep};
 use super::window::FitWindow;
@@ -69,8 +69,10 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    fn of(name: &'static str, windows: &[FitWindow], laws: &[Evolution]) -> Self {
-        let fits: Vec<_> = laws.iter().map(|law| (*law, fit(windows, *law))).collect();
+    fn of(name: &'static str, windows: &[FitWindow], laws: &[Evolution], form: &FitForm) -> Self {
+        let fits: Vec<_> = (laws.iter())
+            .map(|law| (*law, fit(windows, *law, form)))
+            .collect();
         let mut fitted = Fitted {
             name,
             event: None,
@@ -95,24 +97,24 @@ impl Fitted {
 
 /// Fits the laws to all records together; then, if there are both kinds, to all velocity steps and
 /// to all slide-hold-slide tests; then, if there are several, to each step and each hold.
-pub fn fit_all(records: &[SliderRecord], laws: &[Evolution]) -> Vec<Fitted> {
+pub fn fit_all(records: &[SliderRecord], laws: &[Evolution], form: &FitForm) -> Vec<Fitted> {
     let whole = records.iter().enumerate();
     let whole: Vec<_> = whole
         .map(|(k, record)| (k, 0..record.drive.len()))
         .collect();
     let steps = numbered(records, step_ranges);
     let holds = numbered(records, hold_ranges);
-    let mut fitted = vec![Fitted::of("all", &windows(records, &whole), laws)];
+    let mut fitted = vec![Fitted::of("all", &windows(records, &whole), laws, form)];
     if !steps.is_empty() && !holds.is_empty() {
         for (name, ranges) in [("velocity steps", &steps), ("slide-hold-slide", &holds)] {
-            fitted.push(Fitted::of(name, &windows(records, ranges), laws));
+            fitted.push(Fitted::of(name, &windows(records, ranges), laws, form));
         }
     }
     if steps.len() + holds.len() > 1 {
         for (name, events) in [("velocity step", steps), ("hold", holds)] {
             fitted.extend(events.into_iter().map(|event| Fitted {
                 event: Some(event.clone()),
-                ..Fitted::of(name, &windows(records, &[event]), laws)
+                ..Fitted::of(name, &windows(records, &[event]), laws, form)
             }));
         }
     }

@@ -2,7 +2,7 @@
 //! within them.
 
 use super::experiment::Fitted;
-use super::fit::{Estimate, Fit, fit};
+use super::fit::{Fit, FitForm, fit};
 use super::slider_record::{SliderRecord, mean};
 use super::steps_and_holds::student;
 use super::window::FitWindow;
@@ -21,13 +21,21 @@ const FEWEST: usize = 3;
 /// for p = ln a, b, a - b, ln D_c and μ*. `groups`: indices into `records` of the realisations of
 /// each experiment. `None` if an experiment has fewer than three realisations. If one of the fits
 /// fails, so does that law's result.
-pub fn jackknife(records: &[SliderRecord], groups: &[Vec<usize>], all: &Fitted) -> Option<Fitted> {
+pub fn jackknife(
+    records: &[SliderRecord],
+    groups: &[Vec<usize>],
+    all: &Fitted,
+    form: &FitForm,
+) -> Option<Fitted> {
     if groups.iter().any(|group| group.len() < FEWEST) {
         return None;
     }
     let fits = all.fits.iter().map(|(law, fit)| {
         let fit = fit.clone();
-        (*law, fit.and_then(|fit| with_spread(records, groups, fit)))
+        (
+            *law,
+            fit.and_then(|fit| with_spread(records, groups, fit, form)),
+        )
     });
     Some(Fitted {
         name: "all (jackknife)",
@@ -37,42 +45,46 @@ pub fn jackknife(records: &[SliderRecord], groups: &[Vec<usize>], all: &Fitted) 
     })
 }
 
-fn with_spread(records: &[SliderRecord], groups: &[Vec<usize>], full: Fit) -> Result<Fit, String> {
+fn with_spread(
+    records: &[SliderRecord],
+    groups: &[Vec<usize>],
+    full: Fit,
+    form: &FitForm,
+) -> Result<Fit, String> {
     let windows = groups.iter();
     let windows: Vec<FitWindow> = windows
         .map(|group| whole(records, group.iter().copied()))
         .collect();
-    let (mut variance, mut freedom) = ([0.0; 5], 0.0);
+    let (mut variance, mut freedom) = (vec![0.0; full.estimates.len()], 0.0);
     for (e, group) in groups.iter().enumerate() {
         let mut without = Vec::new();
         for left in group {
             let mut windows = windows.clone();
             let kept = group.iter().copied().filter(|k| k != left);
             windows[e] = whole(records, kept);
-            without.push(parameters(&fit(&windows, full.law.evolution)?));
+            without.push(fit(&windows, full.model.law.evolution, form)?);
         }
         let count = group.len() as f64;
         for (p, variance) in variance.iter_mut().enumerate() {
-            let values: Vec<f64> = without.iter().map(|values| values[p]).collect();
-            *variance += (count - 1.0) / count * Moments::of(&values).squares;
+            let values = without.iter().map(|fit| {
+                let (quantity, estimate) = fit.estimates[p];
+                quantity.fitted_form(estimate.value)
+            });
+            let moments = Moments::of(&values.collect::<Vec<_>>());
+            *variance += (count - 1.0) / count * moments.squares;
         }
         freedom += count - 1.0;
     }
-    let half_width = variance.map(|variance| student(freedom) * variance.sqrt());
+    let estimates = full.estimates.iter().zip(variance);
+    let estimates = estimates.map(|((quantity, estimate), variance)| {
+        let half_width = student(freedom) * variance.sqrt();
+        let estimate = quantity.estimate(estimate.value, half_width, full.length);
+        (*quantity, estimate)
+    });
     Ok(Fit {
-        a: Estimate::logarithmic(full.a.value, half_width[0]),
-        b: Estimate::linear(full.b.value, half_width[1]),
-        a_minus_b: Estimate::linear(full.a_minus_b.value, half_width[2]),
-        d_c: Estimate::logarithmic(full.d_c.value, half_width[3]),
-        mu_star: Estimate::linear(full.mu_star.value, half_width[4]),
-        ..full
+        estimates: estimates.collect(),
+        ..full.clone()
     })
-}
-
-/// ln a, b, a - b, ln D_c, μ*.
-fn parameters(fit: &Fit) -> [f64; 5] {
-    let law = fit.law;
-    [law.a.ln(), law.b, law.a - law.b, law.d_c.ln(), law.mu_star]
 }
 
 fn whole(records: &[SliderRecord], members: impl Iterator<Item = usize>) -> FitWindow {

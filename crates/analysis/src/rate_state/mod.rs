@@ -25,10 +25,10 @@ mod window;
 #[cfg(test)]
 mod tests;
 
-pub use drive_segment::{DriveSegment, of_drive};
-pub use evolution_law::{Evolution, LogState, RateStateLaw};
+pub use drive_segment::{DriveSegment, of_displacement, of_drive, with_changes};
+pub use evolution_law::{Evolution, LogState, RateStateLaw, SliderModel, StateVariable};
 pub use experiment::{Experiment, Fitted, fit_all};
-pub use fit::{Estimate, Fit};
+pub use fit::{Estimate, Fit, FitForm, Quantity};
 pub use jackknife::jackknife;
 pub use relaxation::{Relaxation, relaxations};
 pub use slider::RateStateSlider;

@@ -4,13 +4,13 @@ use differential_equations::ode::solve_ode;
 use differential_equations::prelude::*;
 
 use super::drive_segment::DriveSegment;
-use super::evolution_law::{LogState as Friction, RateStateLaw};
+use super::evolution_law::{LogState as Friction, RateStateLaw, StateVariable};
 
 /// A slider without inertia on a spring: dμ/dt = k̄ (V_drive - V), with V from the law.
 ///
-/// With ψ = ln(V*θ/D_c) the balance is a d(ln V)/dt = k̄ (V_drive - V) - b dψ/dt, which makes two
-/// equations for ln V and ψ. They are stiff because V responds over a slip of a/k̄, far less than
-/// D_c.
+/// With ψ = ln(V*θ/D_c) the balance is a d(ln V)/dt = k̄ (V_drive - V) - Σ b dψ/dt, which makes two
+/// equations for ln V and ψ, and a third one for a second state variable. They are stiff because V
+/// responds over a slip of a/k̄, far less than D_c.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RateStateSlider {
     /// The law.
@@ -92,29 +92,29 @@ impl RateStateSlider {
         times: &[f64],
         states: &mut Vec<Friction>,
     ) -> Result<Friction, (f64, String)> {
-        let system = Driven {
-            slider: self,
-            drive,
-        };
-        let mut method = ImplicitRungeKutta::radau5()
-            .rtol(self.tolerance)
-            .atol(self.tolerance)
-            .newton_tol(newton_tolerance(self.tolerance));
-        let mut output = OutputTimes {
-            times,
-            states,
-            now: start,
-        };
-        let y = [start.ln_v, start.ln_theta];
-        let solved = solve_ode(&mut method, &system, 0.0, duration, &y, &mut output);
-        let missing = output.times.len();
-        match solved {
-            Ok(_) if missing == 0 && output.now.is_moderate() => Ok(output.now),
-            Ok(_) => Err((
-                duration,
-                "the slider runs away: the spring is too soft for the law".into(),
-            )),
-            Err(error) => Err((0.0, format!("the integration failed: {error:?}"))),
+        let Friction {
+            ln_v,
+            ln_theta,
+            ln_second,
+        } = start;
+        let first = self.law.first();
+        match self.law.second {
+            None => {
+                let system = Driven {
+                    slider: self,
+                    states: [first],
+                    drive,
+                };
+                system.integrated([ln_v, ln_theta], duration, times, states)
+            }
+            Some(second) => {
+                let system = Driven {
+                    slider: self,
+                    states: [first, second],
+                    drive,
+                };
+                system.integrated([ln_v, ln_theta, ln_second], duration, times, states)
+            }
         }
     }
 }
@@ -127,41 +127,86 @@ fn newton_tolerance(tolerance: f64) -> f64 {
 }
 
 impl Friction {
-    fn of(y: &[f64; 2]) -> Self {
+    fn of(y: &[f64]) -> Self {
         Friction {
             ln_v: y[0],
             ln_theta: y[1],
+            ln_second: y.get(2).copied().unwrap_or(0.0),
         }
     }
 
-    /// Whether both logarithms are within range; false for NaN.
+    /// Whether the logarithms are within range; false for NaN.
     fn is_moderate(self) -> bool {
-        self.ln_v.abs() < LARGEST_LOGARITHM && self.ln_theta.abs() < LARGEST_LOGARITHM
+        let all = [self.ln_v, self.ln_theta, self.ln_second];
+        all.iter().all(|value| value.abs() < LARGEST_LOGARITHM)
     }
 }
 
-struct Driven<'a> {
+/// The equations of a slider with S state variables.
+struct Driven<'a, const S: usize> {
     slider: &'a RateStateSlider,
+    states: [StateVariable; S],
     /// V_drive (m/s).
     drive: f64,
 }
 
-impl ODE<f64, [f64; 2]> for Driven<'_> {
-    fn diff(&self, _time: f64, y: &[f64; 2], rate: &mut [f64; 2]) {
+impl<const S: usize> Driven<'_, S> {
+    /// Integrates N = S + 1 equations; as [`RateStateSlider::segment`].
+    fn integrated<const N: usize>(
+        &self,
+        start: [f64; N],
+        duration: f64,
+        times: &[f64],
+        states: &mut Vec<Friction>,
+    ) -> Result<Friction, (f64, String)> {
+        let tolerance = self.slider.tolerance;
+        let mut method = ImplicitRungeKutta::radau5()
+            .rtol(tolerance)
+            .atol(tolerance)
+            .newton_tol(newton_tolerance(tolerance));
+        let mut output = OutputTimes {
+            times,
+            states,
+            now: Friction::of(&start),
+        };
+        let solved = solve_ode(&mut method, self, 0.0, duration, &start, &mut output);
+        let missing = output.times.len();
+        match solved {
+            Ok(_) if missing == 0 && output.now.is_moderate() => Ok(output.now),
+            Ok(_) => Err((
+                duration,
+                "the slider runs away: the spring is too soft for the law".into(),
+            )),
+            Err(error) => Err((0.0, format!("the integration failed: {error:?}"))),
+        }
+    }
+}
+
+impl<const S: usize, const N: usize> ODE<f64, [f64; N]> for Driven<'_, S> {
+    fn diff(&self, _time: f64, y: &[f64; N], rate: &mut [f64; N]) {
         let RateStateSlider { law, stiffness, .. } = self.slider;
-        let state = Friction::of(y);
-        rate[1] = law.evolution_rate(state);
-        rate[0] = (stiffness * (self.drive - law.velocity(state)) - law.b * rate[1]) / law.a;
+        let mut evolution = 0.0;
+        for (k, state) in self.states.iter().enumerate() {
+            rate[k + 1] = law.evolution_rate(state.d_c, y[0], y[k + 1]);
+            evolution += state.b * rate[k + 1];
+        }
+        rate[0] = (stiffness * (self.drive - law.v_star * y[0].exp()) - evolution) / law.a;
     }
 
-    fn jacobian(&self, _time: f64, y: &[f64; 2], j: &mut Matrix<f64>) {
+    fn jacobian(&self, _time: f64, y: &[f64; N], j: &mut Matrix<f64>) {
         let RateStateSlider { law, stiffness, .. } = self.slider;
-        let state = Friction::of(y);
-        let [by_v, by_theta] = law.evolution_gradient(state);
-        j[(1, 0)] = by_v;
-        j[(1, 1)] = by_theta;
-        j[(0, 0)] = (-stiffness * law.velocity(state) - law.b * by_v) / law.a;
-        j[(0, 1)] = -law.b * by_theta / law.a;
+        let mut evolution = 0.0;
+        for (k, state) in self.states.iter().enumerate() {
+            let [by_v, by_theta] = law.evolution_gradient(state.d_c, y[0], y[k + 1]);
+            for other in 1..N {
+                j[(k + 1, other)] = 0.0;
+            }
+            j[(k + 1, 0)] = by_v;
+            j[(k + 1, k + 1)] = by_theta;
+            j[(0, k + 1)] = -state.b * by_theta / law.a;
+            evolution += state.b * by_v;
+        }
+        j[(0, 0)] = (-stiffness * law.v_star * y[0].exp() - evolution) / law.a;
     }
 }
 
@@ -174,18 +219,18 @@ struct OutputTimes<'a> {
     now: Friction,
 }
 
-impl Solout<f64, [f64; 2]> for OutputTimes<'_> {
+impl<const N: usize> Solout<f64, [f64; N]> for OutputTimes<'_> {
     fn solout<I>(
         &mut self,
         time: f64,
         before: f64,
-        y: &[f64; 2],
-        _y_before: &[f64; 2],
+        y: &[f64; N],
+        _y_before: &[f64; N],
         interpolator: &mut I,
-        _solution: &mut Solution<f64, [f64; 2]>,
-    ) -> ControlFlag<f64, [f64; 2]>
+        _solution: &mut Solution<f64, [f64; N]>,
+    ) -> ControlFlag<f64, [f64; N]>
     where
-        I: Interpolation<f64, [f64; 2]> + ?Sized,
+        I: Interpolation<f64, [f64; N]> + ?Sized,
     {
         self.now = Friction::of(y);
         let reached = time * (1.0 + 1e-12);

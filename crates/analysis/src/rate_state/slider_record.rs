@@ -70,6 +70,14 @@ impl SliderRecord {
         self.time[0] + before
     }
 
+    /// Returns the displacement of the drive up to the start of a segment (m).
+    pub(super) fn driven(&self, segment: usize) -> f64 {
+        self.drive[..segment]
+            .iter()
+            .map(DriveSegment::distance)
+            .sum()
+    }
+
     /// Returns the rows of a segment: after its start and up to its end.
     pub fn rows(&self, segment: usize) -> Range<usize> {
         let end = if segment + 1 < self.drive.len() {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::drive_segment::DriveSegment;
-use super::evolution_law::RateStateLaw;
+use super::evolution_law::SliderModel;
 use super::slider::RateStateSlider;
 use super::slider_record::{SliderRecord, weighted_mean};
 
@@ -21,6 +21,8 @@ pub(crate) struct FitWindow {
     pub drive: Vec<DriveSegment>,
     /// `[rows]` Time since the start of the window (s).
     pub time: Vec<f64>,
+    /// `[rows]` Displacement of the drive since the start of the record (m).
+    displacement: Vec<f64>,
     /// `[means]` Rows of each mean.
     groups: Vec<Range<usize>>,
     /// `[rows]` Normal force, by which rows weigh in the means.
@@ -42,6 +44,7 @@ impl FitWindow {
             stiffness: record.stiffness,
             drive,
             time: Vec::new(),
+            displacement: Vec::new(),
             groups: Vec::new(),
             load: Vec::new(),
             friction: Vec::new(),
@@ -61,37 +64,50 @@ impl FitWindow {
                 window.load.extend(&record.load[group.clone()]);
                 let place = window.time.len();
                 window.groups.push(place..place + group.len());
-                let times = record.time[group].iter();
-                window
-                    .time
-                    .extend(times.map(|time| (time - begin).max(0.0)));
+                let (start, velocity) = (record.begin(segment), record.drive[segment].velocity);
+                let driven = record.driven(segment);
+                for time in &record.time[group] {
+                    window.time.push((time - begin).max(0.0));
+                    window.displacement.push(driven + velocity * (time - start));
+                }
             }
             window.segments.push(from..window.groups.len());
         }
         window
     }
 
-    /// Returns μ of the law at every row, on the window's spring and from steady sliding.
+    /// Returns μ of the model at every row, from steady sliding.
     ///
     /// # Errors
     /// If the integration fails; see [`RateStateSlider::motion`].
-    pub fn model(&self, law: &RateStateLaw) -> Result<Vec<f64>, String> {
+    pub fn model(&self, model: &SliderModel) -> Result<Vec<f64>, String> {
+        let law = model.law;
         let start = law.steady(self.drive[0].velocity);
-        let slider = RateStateSlider::new(*law, self.stiffness);
+        let slider = RateStateSlider::new(law, model.stiffness.unwrap_or(self.stiffness));
         let states = slider.motion(&self.drive, start, &self.time)?;
-        let states = states.into_iter();
-        Ok(states.map(|state| law.friction(state)).collect())
+        let rows = states.into_iter().zip(&self.displacement);
+        let friction = rows.map(|(state, driven)| law.friction(state) + model.trend * driven);
+        Ok(friction.collect())
     }
 
-    /// Returns μ of the law averaged over the same groups of rows as `friction`.
+    /// Returns μ of the model averaged over the same groups of rows as `friction`.
     ///
     /// # Errors
     /// If the integration fails; see [`RateStateSlider::motion`].
-    pub(crate) fn model_means(&self, law: &RateStateLaw) -> Result<Vec<f64>, String> {
-        let rows = self.model(law)?;
+    pub(crate) fn model_means(&self, model: &SliderModel) -> Result<Vec<f64>, String> {
+        Ok(self.means(&self.model(model)?))
+    }
+
+    /// Returns the mean displacement of the drive of each group of rows (m), `[means]`.
+    pub(crate) fn mean_displacements(&self) -> Vec<f64> {
+        self.means(&self.displacement)
+    }
+
+    /// The means of a value of the rows over the groups.
+    fn means(&self, rows: &[f64]) -> Vec<f64> {
         let groups = self.groups.iter().cloned();
         let means = groups.map(|group| weighted_mean(&rows[group.clone()], &self.load[group]));
-        Ok(means.collect())
+        means.collect()
     }
 
     /// Returns the mean μ over the latter half of a segment, where sliding is nearest to steady.
@@ -104,17 +120,22 @@ impl FitWindow {
     }
 }
 
-/// Returns the record that a law predicts for the same protocol. Before the window, which begins in
+/// Returns the record that a model predicts for the same protocol. Before the window, which begins in
 /// the middle of the first segment, μ is constant.
 ///
 /// # Errors
 /// If the integration fails; see [`RateStateSlider::motion`].
-pub fn modelled(record: &SliderRecord, law: &RateStateLaw) -> Result<SliderRecord, String> {
+pub fn modelled(record: &SliderRecord, model: &SliderModel) -> Result<SliderRecord, String> {
     let window = FitWindow::of(record, 0..record.drive.len());
-    let model = window.model(law)?;
-    let before = record.time.len() - model.len();
-    let first = model.first().copied().unwrap_or(f64::NAN);
-    let friction = std::iter::repeat_n(first, before).chain(model).collect();
+    let of_window = window.model(model)?;
+    let before = record.time.len() - of_window.len();
+    let steady = model.law.steady(record.drive[0].velocity);
+    let first = model.law.friction(steady);
+    let earlier = record.time[..before].iter().map(|time| {
+        let driven = record.drive[0].velocity * (time - record.time[0]);
+        first + model.trend * driven
+    });
+    let friction = earlier.chain(of_window).collect();
     Ok(SliderRecord {
         friction,
         ..record.clone()

@@ -1,6 +1,7 @@
 //! `rate-state`: reduces velocity steps and slide-hold-slide tests, and fits rate-and-state
 //! parameters.
 
+mod laboratory;
 mod read;
 mod tables;
 
@@ -8,58 +9,172 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
+use self::laboratory::Stiffness;
 use crate::printer::Printer;
 use crate::results::Results;
 use gshear_analysis::rate_state::{
-    Estimate, Evolution, Experiment, Fit, Fitted, PeakGrowth, Relaxation, SliderRecord, Stack,
-    fit_all, jackknife, merge, modelled, peak_growth, relaxations, stacks,
+    Estimate, Evolution, Experiment, Fit, FitForm, Fitted, PeakGrowth, Quantity, Relaxation,
+    SliderRecord, Stack, fit_all, jackknife, merge, modelled, peak_growth, relaxations, stacks,
 };
 use gshear_dem::failure::{Failure, Result};
 use gshear_report::{drawing, rate_state as figures};
 use gshear_store::run_reader::RunFile;
 use gshear_store::{dictionary, text_writer};
 
-/// Fit rate-and-state friction to spring-driven runs: velocity steps and slide-hold-slide tests
+/// Fit rate-and-state friction to velocity steps and slide-hold-slide tests, of spring-driven runs
+/// or of a laboratory
 ///
 /// Runs of the same protocol are realisations: their mean is reduced, with bands of 2σ between
 /// realisations. Writes the mean series, tables of segments, steps, holds and fits (CSV),
 /// rate-state.json, and figures. Intervals are 95 % confidence intervals.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A run.h5, or the folder that holds one; several are realisations or further protocols
+    /// A run.h5, or the folder that holds one; several are realisations or further protocols. With
+    /// --time, the table of one experiment
     #[arg(required = true, value_name = "RUN")]
     pub runs: Vec<PathBuf>,
     /// Evolution law to fit
     #[arg(long, value_enum, default_value_t = Laws::Both)]
     law: Laws,
+    /// Number of state variables: with 2, a further b_2 ln(V*θ_2/D_c2)
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+    states: u8,
+    /// Parameters that are given and not fitted, of a, b, d_c, b_2, d_c_2 (m). With a, b and d_c the
+    /// curves are predictions: only μ* is fitted
+    #[arg(long, value_name = "NAME=VALUE,…", value_delimiter = ',', value_parser = given)]
+    given: Vec<(Quantity, f64)>,
+    /// k̄ with its unit (1/m, 1/mm, 1/um of the friction; MPa/mm, … of the stress), or fit
+    /// [default: spring over normal force of the run]
+    #[arg(long, value_name = "VALUE[:UNIT]|fit", value_parser = laboratory::stiffness)]
+    stiffness: Option<Stiffness>,
+    /// Fit a trend of μ, linear in the displacement of the drive
+    #[arg(long)]
+    detrend: bool,
     /// The a of -a ln(1 + k̄ V_i t/a), with which the relaxation in holds is compared [default: of
     /// the fit]
     #[arg(long, value_name = "A", value_parser = super::positive)]
     direct_effect: Option<f64>,
-    /// Folder to write into [default: the first run's folder + /rate-state]
+    /// Folder to write into [default: the first run's folder + /rate-state; of a table
+    /// NAME-rate-state beside it]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    table: laboratory::Arguments,
+}
+
+/// Parses NAME=VALUE of a given parameter.
+fn given(text: &str) -> Result<(Quantity, f64), String> {
+    let names = Quantity::GIVEN.map(Quantity::name).join(", ");
+    let (name, value) = text
+        .split_once('=')
+        .ok_or("must be NAME=VALUE, such as a=0.0247")?;
+    let quantity = Quantity::GIVEN
+        .into_iter()
+        .find(|quantity| quantity.name() == name);
+    let quantity = quantity.ok_or(format!("{name:?} cannot be given; there are {names}"))?;
+    let value: Option<f64> = value.parse().ok().filter(|value: &f64| value.is_finite());
+    match value {
+        Some(value) if !quantity.is_logarithmic() || value > 0.0 => Ok((quantity, value)),
+        _ if quantity.is_logarithmic() => Err(format!("{name} must be a number greater than 0")),
+        _ => Err(format!("{name} must be a number")),
+    }
+}
+
+/// Options of a reduction.
+#[derive(Debug, Default)]
+pub struct Options {
+    laws: Laws,
+    form: FitForm,
+    /// k̄ (1/m) instead of that of the runs.
+    stiffness: Option<f64>,
+    direct_effect: Option<f64>,
 }
 
 impl Arguments {
     /// # Errors
-    /// As [`write`].
+    /// As [`write`]; of a table bad input, with line and column.
     pub fn run(&self, printer: &mut Printer) -> Result<()> {
-        let runs = self.runs.iter().map(|run| RunFile::open(run));
-        let runs = runs.collect::<Result<Vec<_>, _>>()?;
-        let folder = Results::path(self.out.as_deref(), runs[0].folder(), "rate-state")?;
-        write(&runs, self.law, self.direct_effect, &folder, printer)
+        let options = self.options()?;
+        let out = self.out.as_deref();
+        if !self.table.is_given() {
+            if let Some(table) = self.runs.iter().find(|run| is_table(run)) {
+                return Err(Failure::input(format!(
+                    "{}: the table of an experiment needs --time NAME, --displacement NAME (or --velocity), --friction NAME (or --shear-stress and --normal-stress) and --stiffness VALUE",
+                    table.display()
+                )));
+            }
+            let runs = self.runs.iter().map(|run| RunFile::open(run));
+            let runs = runs.collect::<Result<Vec<_>, _>>()?;
+            let folder = Results::path(out, runs[0].folder(), "rate-state")?;
+            return write(&runs, &options, &folder, printer);
+        }
+        let [path] = &self.runs[..] else {
+            return Err(Failure::input(
+                "--time: reads the table of one experiment, since each has a μ* and a trend of its own; call rate-state for each",
+            ));
+        };
+        let record = self.table.record(path, self.stiffness)?;
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        let beside = path.with_file_name(format!("{name}-rate-state"));
+        let folder = out.map_or(beside, Path::to_path_buf);
+        text_writer::refuse_linked_folder(&folder)?;
+        let experiment = vec![path.display().to_string()];
+        write_reduction(
+            reduce(vec![record], &experiment, &options),
+            &folder,
+            printer,
+        )
+    }
+
+    fn options(&self) -> Result<Options> {
+        let form = FitForm {
+            two_states: self.states == 2,
+            fits_stiffness: self.stiffness == Some(Stiffness::Fitted),
+            detrends: self.detrend,
+            given: self.given.clone(),
+        };
+        for (k, (quantity, _)) in self.given.iter().enumerate() {
+            let name = quantity.name();
+            if self.given[..k].iter().any(|(other, _)| other == quantity) {
+                return Err(Failure::input(format!("--given: {name} is given twice")));
+            }
+            if matches!(quantity, Quantity::SecondB | Quantity::SecondDc) && !form.two_states {
+                return Err(Failure::input(format!("--given: {name} needs --states 2")));
+            }
+        }
+        let stiffness = match self.stiffness {
+            Some(Stiffness::OfFriction(value)) => Some(value),
+            Some(Stiffness::OfStress(_)) if !self.table.is_given() => {
+                return Err(Failure::input(
+                    "--stiffness: of runs must be k̄ in 1/m, 1/mm or 1/um, or fit",
+                ));
+            }
+            _ => None,
+        };
+        Ok(Options {
+            laws: self.law,
+            form,
+            stiffness,
+            direct_effect: self.direct_effect,
+        })
     }
 }
 
+/// Whether a file has the name of a table.
+fn is_table(path: &Path) -> bool {
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    path.is_file() && ending.is_some_and(|ending| ["csv", "txt", "tsv", "dat"].contains(&ending))
+}
+
 /// Evolution laws to fit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum Laws {
     /// Aging law (Dieterich)
     Aging,
     /// Slip law (Ruina)
     Slip,
     /// Both laws
+    #[default]
     Both,
 }
 
@@ -85,6 +200,8 @@ struct Reduction {
     /// a with which they are compared; `None` if none is given and no fit determines it.
     direct_effect: Option<f64>,
     fitted: Vec<Fitted>,
+    /// Symbols of the parameters that were given.
+    given: String,
     /// `[experiments]` Predictions by law.
     models: Vec<Vec<(Evolution, Experiment)>>,
 }
@@ -96,12 +213,23 @@ struct Reduction {
 /// Runs that are not spring-slider tests, a run given twice, files that cannot be written.
 pub fn write(
     runs: &[RunFile],
-    laws: Laws,
-    direct_effect: Option<f64>,
+    options: &Options,
     folder: &Path,
     printer: &mut Printer,
 ) -> Result<()> {
-    let reduction = reduce(runs, laws, direct_effect)?;
+    refuse_equal(runs)?;
+    let mut records: Vec<SliderRecord> = runs.iter().map(read::record).collect::<Result<_, _>>()?;
+    if let Some(stiffness) = options.stiffness {
+        records
+            .iter_mut()
+            .for_each(|record| record.stiffness = stiffness);
+    }
+    let names = runs.iter().map(|run| run.path().display().to_string());
+    let reduction = reduce(records, &names.collect::<Vec<_>>(), options);
+    write_reduction(reduction, folder, printer)
+}
+
+fn write_reduction(reduction: Reduction, folder: &Path, printer: &mut Printer) -> Result<()> {
     let tables = tables::tables(&reduction);
     for (name, csv) in &tables {
         dictionary::write_table(&folder.join(name), csv, 3)?;
@@ -128,7 +256,8 @@ pub(crate) fn is_test(run: &RunFile) -> bool {
     read::record(run).is_ok()
 }
 
-fn reduce(runs: &[RunFile], laws: Laws, direct_effect: Option<f64>) -> Result<Reduction> {
+/// Refuses a run that is given twice.
+fn refuse_equal(runs: &[RunFile]) -> Result<()> {
     for (k, run) in runs.iter().enumerate() {
         let same = (runs[..k].iter())
             .find(|other| other.digest().is_some() && other.digest() == run.digest());
@@ -140,32 +269,47 @@ fn reduce(runs: &[RunFile], laws: Laws, direct_effect: Option<f64>) -> Result<Re
             )));
         }
     }
-    let records: Vec<SliderRecord> = runs.iter().map(read::record).collect::<Result<_, _>>()?;
-    let (joined, groups): (Vec<_>, Vec<_>) = merge(&records).into_iter().unzip();
-    let mut fitted = fit_all(&joined, laws.list());
-    if let Some(spread) = jackknife(&records, &groups, &fitted[0]) {
+    Ok(())
+}
+
+/// Reduces records, each with the name of its run.
+fn reduce(mut records: Vec<SliderRecord>, names: &[String], options: &Options) -> Reduction {
+    let form = &options.form;
+    let (mut joined, groups): (Vec<_>, Vec<_>) = merge(&records).into_iter().unzip();
+    let mut fitted = fit_all(&joined, options.laws.list(), form);
+    if let Some(spread) = jackknife(&records, &groups, &fitted[0], form) {
         fitted.insert(1, spread);
     }
     let best = fitted[0].best();
-    let d_c = best.map(|fit| fit.law.d_c);
-    let fitted_a = best.filter(|fit| fit.a.determined).map(|fit| fit.a.value);
+    if let Some(stiffness) = best.and_then(|fit| fit.model.stiffness) {
+        let unknown = records
+            .iter_mut()
+            .chain(&mut joined)
+            .filter(|r| r.stiffness.is_nan());
+        unknown.for_each(|record| record.stiffness = stiffness);
+    }
+    let d_c = best.map(|fit| fit.model.law.d_c);
+    let fitted_a = best.and_then(|fit| fit.estimate(Quantity::A));
+    let fitted_a = fitted_a.filter(|a| a.determined).map(|a| a.value);
+    let given = form.given.iter().map(|(quantity, _)| symbol(*quantity));
     let mut reduction = Reduction {
         runs: Vec::new(),
         experiments: Vec::new(),
         stacks: stacks(&records),
         relaxations: relaxations(&records),
-        direct_effect: direct_effect.or(fitted_a),
+        direct_effect: options.direct_effect.or(fitted_a),
         models: Vec::new(),
+        given: given.collect::<Vec<_>>().join(", "),
         fitted,
     };
     for (record, group) in joined.into_iter().zip(groups) {
-        let names = group.iter().map(|k| runs[*k].path().display().to_string());
+        let names = group.iter().map(|k| names[*k].clone());
         reduction.runs.push(names.collect());
         let models = predictions(&record, &reduction.fitted[0], d_c);
         reduction.models.push(models);
         reduction.experiments.push(Experiment::of(record, d_c));
     }
-    Ok(reduction)
+    reduction
 }
 
 /// What the fitted laws predict for a record.
@@ -175,7 +319,7 @@ fn predictions(
     d_c: Option<f64>,
 ) -> Vec<(Evolution, Experiment)> {
     let predictions = fitted.fits.iter().filter_map(|(law, fit)| {
-        let record = modelled(record, &fit.as_ref().ok()?.law).ok()?;
+        let record = modelled(record, &fit.as_ref().ok()?.model).ok()?;
         Some((*law, Experiment::of(record, d_c)))
     });
     predictions.collect()
@@ -197,7 +341,11 @@ impl Reduction {
 
     fn views(&self) -> Vec<figures::View<'_>> {
         let views = self.experiments.iter().zip(&self.models);
-        let views = views.map(|(experiment, models)| figures::View { experiment, models });
+        let views = views.map(|(experiment, models)| figures::View {
+            experiment,
+            models,
+            given: &self.given,
+        });
         views.collect()
     }
 
@@ -226,14 +374,52 @@ fn digits(x: f64) -> String {
     format!("{x:.3e}")
 }
 
-/// Writes an estimate with its interval.
-fn shown(e: Estimate, number: impl Fn(f64) -> String) -> String {
-    let [low, high] = e.interval.map(&number);
-    if e.determined {
-        format!("{} ({low} … {high})", number(e.value))
+/// A velocity: as it was imposed if that is short, else with four significant digits.
+fn speed(velocity: f64) -> String {
+    const LONGEST: usize = 8;
+    let whole = velocity.to_string();
+    if whole.len() <= LONGEST {
+        whole
+    } else {
+        digits(velocity)
+    }
+}
+
+/// Symbol of a quantity.
+fn symbol(quantity: Quantity) -> &'static str {
+    match quantity {
+        Quantity::A => "a",
+        Quantity::B => "b",
+        Quantity::AMinusB => "a - b",
+        Quantity::Dc => "D_c",
+        Quantity::MuStar => "μ*",
+        Quantity::SecondB => "b_2",
+        Quantity::SecondDc => "D_c2",
+        Quantity::Stiffness => "k/N",
+        Quantity::Trend => "trend",
+    }
+}
+
+/// Writes an estimate with its interval, or that it was given.
+fn shown(fit: &Fit, quantity: Quantity) -> Option<String> {
+    let Estimate {
+        value,
+        interval,
+        determined,
+    } = fit.estimate(quantity)?;
+    let is_of_length = matches!(
+        quantity,
+        Quantity::Dc | Quantity::SecondDc | Quantity::Stiffness | Quantity::Trend
+    );
+    let number = if is_of_length { digits } else { decimals };
+    let [low, high] = interval.map(number);
+    Some(if fit.given.contains(&quantity) {
+        format!("{} (given)", number(value))
+    } else if determined {
+        format!("{} ({low} … {high})", number(value))
     } else {
         "not determined".into()
-    }
+    })
 }
 
 fn decimals(x: f64) -> String {
@@ -254,7 +440,7 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
         );
         rows.push([format!("Experiment {}", numbered.number), protocol]);
         for healing in &experiment.healing {
-            let [before, after] = healing.velocities;
+            let [before, after] = healing.velocities.map(speed);
             rows.push([
                 format!("Healing per factor e of hold time, {before} m/s, hold, {after} m/s"),
                 format!("{:.5}", healing.slope),
@@ -267,20 +453,29 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
                 "Growth of {} peaks per factor e of V_r/V_i, holds of {} s after {} m/s",
                 growth.peaks,
                 digits(growth.duration),
-                growth.before
+                speed(growth.before)
             ),
             format!("{:.5} ± {:.5}", growth.slope, growth.error),
         ]);
     }
     for (name, law, fit, _) in reduction.fits() {
         let text = match fit {
-            Ok(fit) => format!(
-                "a = {}; b = {}; a - b = {}; D_c (m) = {}",
-                shown(fit.a, decimals),
-                shown(fit.b, decimals),
-                shown(fit.a_minus_b, decimals),
-                shown(fit.d_c, digits)
-            ),
+            Ok(fit) => {
+                let all = Quantity::ALL.into_iter().filter(|q| *q != Quantity::MuStar);
+                let texts = all.filter_map(|quantity| {
+                    let unit = match quantity {
+                        Quantity::Dc | Quantity::SecondDc => " (m)",
+                        Quantity::Stiffness | Quantity::Trend => " (1/m)",
+                        _ => "",
+                    };
+                    Some(format!(
+                        "{}{unit} = {}",
+                        symbol(quantity),
+                        shown(fit, quantity)?
+                    ))
+                });
+                texts.collect::<Vec<_>>().join("; ")
+            }
             Err(why) => format!("none: {why}"),
         };
         rows.push([format!("Fit to {name}, {} law", law.name()), text]);
@@ -301,7 +496,7 @@ fn summary(reduction: &Reduction, printer: &mut Printer) -> Result<()> {
             growth.slope,
             growth.error,
             growth.peaks,
-            growth.before
+            speed(growth.before)
         )?;
     }
     for stack in reduction.stacks.iter().filter(|s| s.pieces.len() > 1) {
@@ -331,7 +526,7 @@ fn print_experiment(numbered: &NumberedExperiment<'_>, printer: &mut Printer) ->
         record.stiffness
     )?;
     for healing in &experiment.healing {
-        let [before, after] = healing.velocities;
+        let [before, after] = healing.velocities.map(speed);
         let interval = match healing.interval {
             Some([low, high]) => format!("{low:.5} … {high:.5}"),
             None => "from two holds".into(),
@@ -347,7 +542,7 @@ fn print_experiment(numbered: &NumberedExperiment<'_>, printer: &mut Printer) ->
 
 /// Prints every second mean over several velocity steps, if there is any.
 fn print_stack(stack: &Stack, printer: &mut Printer) -> Result<()> {
-    let [before, after] = stack.velocities;
+    let [before, after] = stack.velocities.map(speed);
     let shown = stack.pieces[1..].iter().filter(|p| p.steps > 1).map(|p| {
         let ([from, to], change, error) = (p.slip, p.change, p.error);
         format!("{change:+.4} ± {error:.4} ({from:.1e} to {to:.1e} m)")
@@ -400,7 +595,7 @@ fn print_relaxation(
         printer,
         "hold of {} s after {} m/s, after {} s: μ {:+.4}{error}{law}{temperatures}",
         digits(relaxation.duration),
-        relaxation.before,
+        speed(relaxation.before),
         digits(relaxation.time),
         relaxation.change,
     )
@@ -409,7 +604,7 @@ fn print_relaxation(
 fn print_fits(reduction: &Reduction, printer: &mut Printer) -> Result<()> {
     writeln!(
         printer,
-        "{:<18}{:<7}{:<30}{:<30}{:<33}{:<10}{:>9}",
+        "{:<18}{:<7}{:<33}{:<33}{:<33}{:<10}{:>9}",
         "fit to", "law", "a", "b", "D_c (m)", "rms", "χ²"
     )?;
     for (name, law, fit, chi) in reduction.fits() {
@@ -417,14 +612,25 @@ fn print_fits(reduction: &Reduction, printer: &mut Printer) -> Result<()> {
         match fit {
             Ok(fit) => writeln!(
                 printer,
-                "{name:<18}{law:<7}{:<30}{:<30}{:<33}{:<10.2e}{:>9.1}",
-                shown(fit.a, decimals),
-                shown(fit.b, decimals),
-                shown(fit.d_c, digits),
+                "{name:<18}{law:<7}{:<33}{:<33}{:<33}{:<10.2e}{:>9.1}",
+                shown(fit, Quantity::A).unwrap_or_default(),
+                shown(fit, Quantity::B).unwrap_or_default(),
+                shown(fit, Quantity::Dc).unwrap_or_default(),
                 fit.rms,
                 chi.unwrap_or(f64::NAN)
             )?,
             Err(why) => writeln!(printer, "{name:<18}{law:<7}no fit: {why}")?,
+        }
+        let further = [
+            (Quantity::SecondB, "b_2"),
+            (Quantity::SecondDc, "D_c2 (m)"),
+            (Quantity::Stiffness, "k/N (1/m)"),
+            (Quantity::Trend, "trend (1/m)"),
+        ];
+        for (quantity, name) in further {
+            if let Some(text) = fit.as_ref().ok().and_then(|fit| shown(fit, quantity)) {
+                writeln!(printer, "{:25}{name} {text}", "")?;
+            }
         }
     }
     Ok(())

@@ -4,7 +4,7 @@ mod sweep;
 
 use std::path::{Path, PathBuf};
 
-use super::rate_state::{self, Laws};
+use super::rate_state;
 use super::replay::{self, Rows};
 use crate::printer::Printer;
 use crate::results::Results;
@@ -167,7 +167,8 @@ fn of_shear(
     if rate_state::is_test(run) {
         let (runs, silent) = (std::slice::from_ref(run), &mut std::io::sink());
         let into = folder.join("rate-state");
-        rate_state::write(runs, Laws::Both, None, &into, &mut Printer::new(silent))?;
+        let options = rate_state::Options::default();
+        rate_state::write(runs, &options, &into, &mut Printer::new(silent))?;
         rate_state = Some("rate-state/index.html");
     }
     let sources = Sources {

@@ -26,6 +26,8 @@ pub(super) struct Curve {
     band: Vec<[f64; 3]>,
     /// Points of each law.
     models: Vec<(Evolution, Vec<[f64; 2]>)>,
+    /// Symbols of the given parameters.
+    given: String,
 }
 
 impl Curve {
@@ -51,6 +53,7 @@ impl Curve {
             models: models
                 .map(|(law, model)| (*law, points(model, rows, &x, &y)))
                 .collect(),
+            given: view.given.to_string(),
         }
     }
 }
@@ -123,17 +126,27 @@ pub(super) fn draw(
         let named = named.map(|(k, c)| (colour_at(k, n), &*c.name));
         let mut legend: Vec<(RGBColor, &str)> = named.collect();
         let models = curves.iter().flat_map(|c| &c.models);
-        legend.extend(law_legend(models.map(|(law, _)| *law)));
+        let given = curves.first().map_or("", |curve| &curve.given);
+        let laws = law_legend(models.map(|(law, _)| *law), given);
+        legend.extend(laws.iter().map(|(colour, name)| (*colour, &**name)));
         plot.legend(&legend);
     })
 }
 
-/// Legend entries of the laws, each once.
-pub(super) fn law_legend(laws: impl Iterator<Item = Evolution>) -> Vec<(RGBColor, &'static str)> {
-    let entries = distinct(laws).into_iter().map(|law| match law {
-        Evolution::Aging => (AGING_LAW, "aging law"),
-        Evolution::Slip => (SLIP_LAW, "slip law"),
-    });
+/// Legend entries of the laws, each once, with the parameters that were given.
+pub(super) fn law_legend(
+    laws: impl Iterator<Item = Evolution>,
+    given: &str,
+) -> Vec<(RGBColor, String)> {
+    let of_given = match given {
+        "" => String::new(),
+        names => format!(
+            ", {} given",
+            names.replace("D_c2", "D_{c2}").replace("D_c", "D_{c}")
+        ),
+    };
+    let entries = distinct(laws).into_iter();
+    let entries = entries.map(|law| (colour_of(law), format!("{} law{of_given}", law.name())));
     entries.collect()
 }
 

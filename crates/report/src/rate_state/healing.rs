@@ -59,7 +59,8 @@ pub(super) fn healing(views: &[View]) -> Option<String> {
             (INK, "peak − μ_{ss}, ±2 standard errors"),
             (GREY, slope.as_str()),
         ];
-        legend.extend(law_legend(models.iter().map(|(law, _)| *law)));
+        let laws = law_legend(models.iter().map(|(law, _)| *law), views[0].given);
+        legend.extend(laws.iter().map(|(colour, name)| (*colour, &**name)));
         plot.legend(&legend);
     }))
 }

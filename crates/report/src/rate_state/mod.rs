@@ -20,6 +20,8 @@ pub struct View<'a> {
     pub experiment: &'a Experiment,
     /// Each law with the experiment it predicts.
     pub models: &'a [(Evolution, Experiment)],
+    /// Symbols of the parameters that were given and not fitted; may be empty.
+    pub given: &'a str,
 }
 
 /// Returns name and SVG of every figure for which the experiments have data. `best`: the fit whose
@@ -75,7 +77,7 @@ pub fn page(figures: &[(String, String)], rows: &[[String; 2]], place: &str) -> 
 const CAPTIONS: [(&str, &str); 6] = [
     (
         "fit",
-        "Friction over slip, and the laws fitted to all data.",
+        "Friction over slip, and the laws fitted to all data (with given parameters, their prediction).",
     ),
     ("steps", "Friction after the velocity steps."),
     ("holds", "Relaxation in the holds."),
@@ -182,7 +184,7 @@ const RESLIDE: f64 = 8.0;
 /// C it draws that over the sum C + ln(V_r/V_i) (S2b).
 fn reslides(views: &[View], best: Option<&Fit>, offset: Option<f64>) -> Option<String> {
     let (unit, x_label) = match best {
-        Some(fit) => (fit.law.d_c, "slip since the end of the hold / D_{c}"),
+        Some(fit) => (fit.model.law.d_c, "slip since the end of the hold / D_{c}"),
         None => (1e-3, "slip since the end of the hold (mm)"),
     };
     let mut curves = Vec::new();

@@ -10,7 +10,8 @@ fn without_noise_a_fit_returns_the_law() {
         for drive in [&step_test()[..], &step_test()[..2], &holds[..]] {
             let record = synthetic(&law, drive, 1e-3);
             let window = FitWindow::of(&record, 0..drive.len());
-            let found = fit(&[window], evolution).expect("a fit").law;
+            let form = FitForm::default();
+            let found = fit(&[window], evolution, &form).expect("a fit").model.law;
             assert_near(found.a, law.a, 1e-3);
             assert_near(found.b, law.b, 1e-3);
             assert_near(found.d_c, law.d_c, 1e-3);
@@ -27,8 +28,10 @@ fn coverage(evolution: Evolution, sigma: f64, memory: f64) -> ([usize; 4], [f64;
     let clean = synthetic(&law, &step_test(), 2e-3);
     let of = |seed: u64| {
         let record = disturbed(&clean, seed, sigma, memory);
-        let fit = fit(&[FitWindow::of(&record, 0..3)], evolution).expect("a fit");
-        let found = [fit.a, fit.b, fit.d_c, fit.a_minus_b];
+        let windows = [FitWindow::of(&record, 0..3)];
+        let fit = fit(&windows, evolution, &FitForm::default()).expect("a fit");
+        let found = [Quantity::A, Quantity::B, Quantity::Dc, Quantity::AMinusB];
+        let found = found.map(|quantity| fit.estimate(quantity).expect("an estimate"));
         let made = [law.a, law.b, law.d_c, law.a - law.b];
         std::array::from_fn::<_, 4, _>(|c| {
             let (found, made) = (found[c], made[c]);
@@ -73,7 +76,7 @@ fn chi_squared_tells_the_law() {
     for evolution in BOTH {
         let record = disturbed(&synthetic(&law(evolution), &drive, 2e-3), 5, 1e-3, 3.0);
         let windows = [FitWindow::of(&record, 0..4)];
-        let fits = BOTH.map(|e| fit(&windows, e).expect("a fit"));
+        let fits = BOTH.map(|e| fit(&windows, e, &FitForm::default()).expect("a fit"));
         let best = usize::from(fits[0].rms >= fits[1].rms);
         assert_eq!(BOTH[best], evolution);
         let [of_best, of_other] =
@@ -88,8 +91,9 @@ fn data_that_determine_nothing_are_refused() {
     // Steady sliding alone.
     let clean = synthetic(&law(Evolution::Aging), &[segment(0.02, 2.0)], 1e-3);
     let record = disturbed(&clean, 1, 1e-3, 0.0);
-    assert!(fit(&[FitWindow::of(&record, 0..1)], Evolution::Aging).is_err());
-    assert!(fit(&[], Evolution::Aging).is_err());
+    let form = FitForm::default();
+    assert!(fit(&[FitWindow::of(&record, 0..1)], Evolution::Aging, &form).is_err());
+    assert!(fit(&[], Evolution::Aging, &form).is_err());
 }
 
 /// Only a constant in μ differs between the realisations, which no noise within a run shows. μ* is
@@ -107,12 +111,122 @@ fn jackknife_sees_what_differs_between_realisations() {
         record
     });
     let (joined, groups): (Vec<_>, Vec<_>) = merge(&records).into_iter().unzip();
-    let all = &fit_all(&joined, &[Evolution::Aging])[0];
-    let spread = jackknife(&records, &groups, all).expect("four realisations");
+    let form = FitForm::default();
+    let all = &fit_all(&joined, &[Evolution::Aging], &form)[0];
+    let spread = jackknife(&records, &groups, all, &form).expect("four realisations");
     let fit = spread.fits[0].1.as_ref().expect("a fit");
-    let half = |e: Estimate| 0.5 * (e.interval[1] - e.interval[0]);
+    let half = |quantity: Quantity| {
+        let [low, high] = fit.estimate(quantity).expect("an estimate").interval;
+        0.5 * (high - low)
+    };
     // Student's t for 3 degrees of freedom, from tables.
-    assert_near(half(fit.mu_star), 3.182446305284263 * sigma, 1e-6);
-    assert!(half(fit.a) < 1e-8 && half(fit.b) < 1e-8 && half(fit.d_c) < 1e-8);
-    assert!(jackknife(&records[..2], &[vec![0, 1]], all).is_none());
+    assert_near(half(Quantity::MuStar), 3.182446305284263 * sigma, 1e-6);
+    assert!(
+        [Quantity::A, Quantity::B, Quantity::Dc]
+            .iter()
+            .all(|q| half(*q) < 1e-8)
+    );
+    assert!(jackknife(&records[..2], &[vec![0, 1]], all, &form).is_none());
+}
+
+/// Two state variables and a trend come back.
+#[test]
+fn a_fit_returns_second_state_and_trend() {
+    for evolution in BOTH {
+        let second = StateVariable {
+            b: -0.006,
+            d_c: 0.05,
+        };
+        let law = RateStateLaw {
+            second: Some(second),
+            ..law(evolution)
+        };
+        let drive = [segment(0.02, 8.0), segment(0.2, 2.0), segment(0.02, 20.0)];
+        let mut record = synthetic(&law, &drive, 5e-3);
+        let trend = 0.03;
+        for (friction, time) in record.friction.iter_mut().zip(&record.time) {
+            *friction += trend * (0.02 * time + 0.18 * (time - 8.0).clamp(0.0, 2.0));
+        }
+        let form = FitForm {
+            two_states: true,
+            detrends: true,
+            ..FitForm::default()
+        };
+        let found = fit(&[FitWindow::of(&record, 0..3)], evolution, &form).expect("a fit");
+        let made = [
+            (Quantity::A, law.a),
+            (Quantity::B, law.b),
+            (Quantity::Dc, law.d_c),
+            (Quantity::SecondB, second.b),
+            (Quantity::SecondDc, second.d_c),
+            (Quantity::AMinusB, law.a - law.b - second.b),
+            (Quantity::Trend, trend),
+        ];
+        assert_returned(&found, &made);
+        assert_eq!(found.model.law.critical_stiffness(), None);
+    }
+}
+
+/// k̄ comes back from a spring that is soft enough to decide the shape of the peaks.
+#[test]
+fn a_fit_returns_the_stiffness() {
+    for evolution in BOTH {
+        let (law, stiffness) = (law(evolution), 500.0);
+        let mut record = on_spring(&law, stiffness, &step_test(), 1e-4);
+        record.stiffness = f64::NAN;
+        let form = FitForm {
+            fits_stiffness: true,
+            ..FitForm::default()
+        };
+        let found = fit(&[FitWindow::of(&record, 0..3)], evolution, &form).expect("a fit");
+        let made = [
+            (Quantity::A, law.a),
+            (Quantity::B, law.b),
+            (Quantity::Dc, law.d_c),
+            (Quantity::Stiffness, stiffness),
+        ];
+        assert_returned(&found, &made);
+    }
+}
+
+/// Fails unless the estimates are what the data were made of.
+fn assert_returned(fit: &Fit, made: &[(Quantity, f64)]) {
+    for (quantity, made) in made {
+        let value = fit.estimate(*quantity).expect("an estimate").value;
+        let off = (value / made - 1.0).abs();
+        assert!(off < 0.01, "{}: {value} for {made}", quantity.name());
+    }
+}
+
+/// With everything given but μ*, the fit is the mean of what is left, and the model the law.
+#[test]
+fn a_given_law_is_not_fitted() {
+    let law = law(Evolution::Aging);
+    let record = disturbed(&synthetic(&law, &step_test(), 2e-3), 3, 1e-3, 0.0);
+    let form = FitForm {
+        given: vec![
+            (Quantity::A, law.a),
+            (Quantity::B, law.b),
+            (Quantity::Dc, law.d_c),
+        ],
+        ..FitForm::default()
+    };
+    let found = fit(&[FitWindow::of(&record, 0..3)], Evolution::Aging, &form).expect("a fit");
+    assert_eq!(found.given, [Quantity::A, Quantity::B, Quantity::Dc]);
+    for quantity in found.given.iter().copied() {
+        let estimate = found.estimate(quantity).expect("an estimate");
+        assert_eq!(estimate.interval, [estimate.value; 2]);
+    }
+    let mu_star = found.estimate(Quantity::MuStar).expect("an estimate");
+    let [low, high] = mu_star.interval;
+    assert!(
+        low < law.mu_star && law.mu_star < high && high - low < 4e-4,
+        "{mu_star:?}"
+    );
+    let fitted = fit(
+        &[FitWindow::of(&record, 0..3)],
+        Evolution::Aging,
+        &FitForm::default(),
+    );
+    assert!(found.rms > fitted.expect("a fit").rms);
 }

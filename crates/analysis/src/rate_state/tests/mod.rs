@@ -1,5 +1,6 @@
 //! Tests of rate-and-state friction; here the law they use, synthetic data and noise.
 
+mod drives;
 mod fits;
 mod motion;
 mod steps_and_holds;
@@ -24,6 +25,7 @@ fn law(evolution: Evolution) -> RateStateLaw {
         a: 0.0247,
         b: 0.0178,
         d_c: 0.0053,
+        second: None,
         v_star: 0.02,
     }
 }
@@ -37,10 +39,20 @@ fn segment(velocity: f64, duration: f64) -> DriveSegment {
 /// Synthetic record of the law: a row every `interval` (s), for a drive that begins with steady
 /// sliding.
 fn synthetic(law: &RateStateLaw, drive: &[DriveSegment], interval: f64) -> SliderRecord {
+    on_spring(law, STIFFNESS, drive, interval)
+}
+
+/// The same on a spring of this k̄ (1/m).
+fn on_spring(
+    law: &RateStateLaw,
+    stiffness: f64,
+    drive: &[DriveSegment],
+    interval: f64,
+) -> SliderRecord {
     let total: f64 = drive.iter().map(|s| s.duration).sum();
     let rows = (total / interval).round() as usize;
     let time: Vec<f64> = (0..=rows).map(|k| interval * k as f64).collect();
-    let slider = RateStateSlider::new(*law, STIFFNESS);
+    let slider = RateStateSlider::new(*law, stiffness);
     let states = moved(slider, drive[0].velocity, drive, &time);
     let friction: Vec<f64> = states.iter().map(|s| law.friction(*s)).collect();
     let driven = |mut left: f64| -> f64 {
@@ -52,9 +64,9 @@ fn synthetic(law: &RateStateLaw, drive: &[DriveSegment], interval: f64) -> Slide
         way.sum()
     };
     let rows = time.iter().zip(&friction);
-    let slip = rows.map(|(t, f)| driven(*t) - (f - friction[0]) / STIFFNESS);
+    let slip = rows.map(|(t, f)| driven(*t) - (f - friction[0]) / stiffness);
     let slip = slip.collect();
-    SliderRecord::of_run(STIFFNESS, drive.to_vec(), [time, slip, friction])
+    SliderRecord::of_run(stiffness, drive.to_vec(), [time, slip, friction])
 }
 
 /// The states at these times, from steady sliding at a velocity.

@@ -2,7 +2,7 @@
 //! keys.
 
 use gshear_analysis::moments::{extent, mean};
-use gshear_analysis::rate_state::{SliderRecord, of_drive};
+use gshear_analysis::rate_state::{DriveSegment, SliderRecord, of_drive};
 use gshear_dem::failure::Result;
 use gshear_store::run_reader::RunFile;
 
@@ -66,11 +66,12 @@ pub fn record(run: &RunFile) -> Result<SliderRecord> {
         spin_temperature,
         ..SliderRecord::of_run(spring / force, drive, [time, slip, friction])
     };
-    let tested = tested(&record).map_err(|what| run.wrong(what))?;
+    let tested = tested(&record, "observables/drive_velocity").map_err(|what| run.wrong(what))?;
     if series.has(IMPOSED) {
         let imposed = chosen(series.column(IMPOSED), &whole);
         let first = record.time.partition_point(|t| *t < tested.time[0]);
-        one_load(&tested, &imposed[first..]).map_err(|what| run.wrong(what))?;
+        let place = format!("observables/{IMPOSED}");
+        one_load(&tested, &imposed[first..], &place, "N").map_err(|what| run.wrong(what))?;
     }
     Ok(tested)
 }
@@ -80,8 +81,14 @@ fn chosen(column: &[f64], rows: &[usize]) -> Vec<f64> {
     rows.iter().map(|row| column[*row]).collect()
 }
 
-/// Refuses a load that changes: k̄ and the laws are of one normal force. `imposed` `[L]` (N).
-fn one_load(record: &SliderRecord, imposed: &[f64]) -> Result<(), String> {
+/// Refuses a load that changes: k̄ and the laws are of one normal force. `imposed` `[L]`, in the
+/// `unit`, is from the `place`.
+pub(super) fn one_load(
+    record: &SliderRecord,
+    imposed: &[f64],
+    place: &str,
+    unit: &str,
+) -> Result<(), String> {
     let halves = (0..record.drive.len()).flat_map(|segment| record.halves(segment));
     let halves = halves.filter(|rows| !rows.is_empty());
     let means: Vec<f64> = halves.map(|rows| mean(&imposed[rows])).collect();
@@ -93,10 +100,10 @@ fn one_load(record: &SliderRecord, imposed: &[f64]) -> Result<(), String> {
     let what = if free {
         "no load is imposed in a part of the protocol".into()
     } else {
-        format!("the load changes from {least:.4e} to {greatest:.4e} N")
+        format!("the load changes from {least:.4e} to {greatest:.4e} {unit}")
     };
     Err(format!(
-        "observables/{IMPOSED}: {what}, but k/N and the laws are of one load; reduce runs whose mean load is constant \
+        "{place}: {what}, but k/N and the laws are of one load; reduce runs whose mean load is constant \
          from the first slide on"
     ))
 }
@@ -116,12 +123,12 @@ fn scaled_temperature(run: &RunFile, name: &str, rows: &[usize]) -> Vec<f64> {
 }
 
 /// Cuts the record to start at its first slide, and checks the number of segments and of their
-/// rows.
-fn tested(record: &SliderRecord) -> Result<SliderRecord, String> {
+/// rows. `drive`: where the motion of the drive is from.
+pub(super) fn tested(record: &SliderRecord, drive: &str) -> Result<SliderRecord, String> {
     let Some(first) = record.drive.iter().position(|segment| !segment.is_hold()) else {
-        return Err(
-            "observables/drive_velocity: no velocity is above 0; rate-state needs a run that slides".into(),
-        );
+        return Err(format!(
+            "{drive}: no velocity is above 0; rate-state needs a run that slides"
+        ));
     };
     let mut end = record.drive.len();
     if record.rows(end - 1).len() < FEWEST_ROWS && end > first + 1 {
@@ -130,17 +137,16 @@ fn tested(record: &SliderRecord) -> Result<SliderRecord, String> {
     for segment in first..end {
         let rows = record.rows(segment).len();
         if rows < FEWEST_ROWS {
-            let drive = record.drive[segment];
+            let DriveSegment { velocity, duration } = record.drive[segment];
             return Err(format!(
-                "segment {segment} of the drive ({:.4e} m/s for {:.4e} s) has {rows} rows of the time series; it needs at least \
-                 {FEWEST_ROWS}: write rows more often, or let it last longer",
-                drive.velocity, drive.duration
+                "segment {segment} of the drive ({velocity:.4e} m/s for {duration:.4e} s) has {rows} rows of the time series; it needs at least \
+                 {FEWEST_ROWS}: write rows more often, or let it last longer"
             ));
         }
     }
     if end - first < 2 {
         return Err(format!(
-            "observables/drive_velocity: is {:e} m/s all the time; rate-state needs a velocity step or a hold",
+            "{drive}: is {:e} m/s all the time; rate-state needs a velocity step or a hold",
             record.drive[first].velocity
         ));
     }

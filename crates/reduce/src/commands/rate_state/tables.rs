@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::Reduction;
 use gshear_analysis::moments::mean;
-use gshear_analysis::rate_state::{Estimate, Evolution, Experiment, Fitted};
+use gshear_analysis::rate_state::{Estimate, Evolution, Experiment, Fit, Fitted, Quantity};
 use gshear_store::csv_table::Table;
 
 /// Returns the tables with their names.
@@ -196,8 +196,8 @@ fn fits(reduction: &Reduction) -> String {
         fits.map(move |((law, fit), chi)| (fitted, law, fit, chi))
     });
     let windows = ["experiment", "first_segment", "last_segment"];
-    let estimates = ["a", "b", "a_minus_b", "d_c", "mu_star"]
-        .map(|name| ["", "_low", "_high"].map(|end| format!("{name}{end}")));
+    let estimates = Quantity::ALL
+        .map(|quantity| ["", "_low", "_high"].map(|end| format!("{}{end}", quantity.name())));
     Table::of(rows)
         .column("fit", |(fitted, ..)| fitted.name)
         .columns(windows, |(fitted, ..)| match &fitted.event {
@@ -206,16 +206,16 @@ fn fits(reduction: &Reduction) -> String {
         })
         .column("law", |(_, law, ..)| law.name())
         .columns(estimates.into_iter().flatten(), |(.., fit, _)| {
-            let cells = match fit {
-                Ok(fit) => fit.estimates().map(|(_, estimate)| determined(estimate)),
-                Err(_) => [[None; 3]; 5],
-            };
+            let cells = Quantity::ALL.map(|quantity| {
+                let estimate = fit.as_ref().ok().and_then(|fit| fit.estimate(quantity));
+                estimate.map_or([None; 3], determined)
+            });
             cells.into_iter().flatten()
         })
         .columns(
             ["v_star", "rms", "effective_values"],
             |(.., fit, _)| match fit {
-                Ok(fit) => [fit.law.v_star, fit.rms, fit.effective].map(known),
+                Ok(fit) => [fit.model.law.v_star, fit.rms, fit.effective].map(known),
                 Err(_) => [None; 3],
             },
         )
@@ -224,6 +224,10 @@ fn fits(reduction: &Reduction) -> String {
         })
         .column("undetermined", |(.., fit, _)| {
             fit.as_ref().ok().map(|fit| fit.undetermined().join(" "))
+        })
+        .column("given", |(.., fit, _)| {
+            let names = |fit: &Fit| fit.given.iter().map(|q| q.name()).collect::<Vec<_>>();
+            fit.as_ref().ok().map(|fit| names(fit).join(" "))
         })
         .column("why_none", |(.., fit, _)| {
             fit.as_ref().err().map(String::as_str)
@@ -317,15 +321,18 @@ fn fit(fitted: &Fitted) -> Value {
         let value = match fit {
             Ok(fit) => {
                 let mut value = json!({
-                    "v_star": fit.law.v_star,
-                    "critical_stiffness": fit.law.critical_stiffness(),
+                    "v_star": fit.model.law.v_star,
+                    "critical_stiffness": fit.model.law.critical_stiffness(),
                     "rms": fit.rms,
                     "effective_values": fit.effective,
                     "chi_squared": chi,
                 });
-                for (name, e) in fit.estimates() {
+                for (quantity, e) in &fit.estimates {
                     let known = json!({ "value": e.value, "interval": e.interval });
-                    value[name] = if e.determined { known } else { Value::Null };
+                    value[quantity.name()] = if e.determined { known } else { Value::Null };
+                }
+                if !fit.given.is_empty() {
+                    value["given"] = fit.given.iter().map(|quantity| quantity.name()).collect();
                 }
                 value
             }
