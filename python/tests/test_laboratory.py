@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,13 +64,13 @@ def series(law: str, states: tuple[tuple[float, float], ...]) -> Series:
     return Series(*(np.concatenate(parts) for parts in (time, moved, friction)))
 
 
-def fits(table: Path, *words: str) -> dict[str, object]:
+def fits(table: Path, *words: str) -> dict[str, Any]:
     """The fits to all data, by law."""
     out = table.parent / "out"
     command = [programs.find("gshear-reduce"), "rate-state", table, "--out", out, *words]
     programs.run([*command, "--time", "t"], quiet=True)
     found = json.loads((out / "rate-state.json").read_text())
-    laws: dict[str, object] = found["fits"][0]["laws"]
+    laws: dict[str, Any] = found["fits"][0]["laws"]
     return laws
 
 

@@ -319,20 +319,22 @@ impl Lines {
     /// Improves the divisions and removes those that are no change of the velocity.
     fn simplify(&self, ends: &mut Vec<usize>) {
         self.improve(ends);
-        while let Some(k) = (1..ends.len().max(3) - 2).find(|k| self.is_transition(ends, *k)) {
+        while let Some(k) = self.needless(ends) {
             ends.remove(k);
             self.improve(ends);
         }
-        while ends.len() > 2 {
-            let changes = (1..ends.len() - 1).map(|k| (k, self.change(&ends[k - 1..k + 2])));
-            match changes.min_by(|a, b| a.1.total_cmp(&b.1)) {
-                Some((k, change)) if change < 1.0 => {
-                    ends.remove(k);
-                    self.improve(ends);
-                }
-                _ => break,
-            }
+    }
+
+    /// The next division to remove: the start of a change of the drive from one velocity to
+    /// another, or the least change of the velocity if it is too little.
+    fn needless(&self, ends: &[usize]) -> Option<usize> {
+        let divisions = 1..ends.len() - 1;
+        if let Some(k) = divisions.clone().find(|k| self.is_transition(ends, *k)) {
+            return Some(k);
         }
+        let changes = divisions.map(|k| (k, self.change(&ends[k - 1..k + 2])));
+        let least = changes.min_by(|a, b| a.1.total_cmp(&b.1));
+        least.filter(|(_, change)| *change < 1.0).map(|(k, _)| k)
     }
 
     /// Whether the segment that starts at this end is a change from the one before to the one after.
