@@ -17,6 +17,38 @@ impl Evolution {
             Evolution::Slip => "slip",
         }
     }
+
+    /// Returns ln(V*θ/D_c) at each of `times` (s), starting from steady sliding, if ln(V/V*) is
+    /// `ln_v` at these times and V constant in the interval before each: closed forms of both laws.
+    /// `v_star` in m/s, `d_c` in m.
+    pub(super) fn states_in_motion(
+        self,
+        times: &[f64],
+        ln_v: &[f64],
+        v_star: f64,
+        d_c: f64,
+    ) -> Vec<f64> {
+        let mut states = Vec::with_capacity(times.len());
+        let mut state = -ln_v[0];
+        for (k, (time, ln_v)) in times.iter().zip(ln_v).enumerate() {
+            let duration = if k == 0 { 0.0 } else { time - times[k - 1] };
+            let slip = v_star * ln_v.exp() * duration / d_c;
+            let left = (-slip).exp();
+            state = match self {
+                Evolution::Aging => {
+                    let ageing = if slip > 0.0 {
+                        -(-slip).exp_m1() / slip * v_star * duration / d_c
+                    } else {
+                        v_star * duration / d_c
+                    };
+                    (state.exp() * left + ageing).ln()
+                }
+                Evolution::Slip => (state + ln_v) * left - ln_v,
+            };
+            states.push(state);
+        }
+        states
+    }
 }
 
 /// A state variable θ beside the first: its evolution effect and the slip over which it evolves.

@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use super::evolution_law::Evolution;
-use super::fit::{Fit, FitForm, chi_squared, fit};
+use super::fit::{Fit, chi_squared, fit};
+use super::quantity::FitForm;
 use super::slider_record::SliderRecord;
 use super::steps_and_holds::{self, Healing, Hold, Steady, VelocityStep};
 use super::window::FitWindow;

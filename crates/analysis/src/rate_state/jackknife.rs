@@ -2,7 +2,8 @@
 //! within them.
 
 use super::experiment::Fitted;
-use super::fit::{Fit, FitForm, fit};
+use super::fit::{Fit, fit};
+use super::quantity::FitForm;
 use super::slider_record::{SliderRecord, mean};
 use super::steps_and_holds::student;
 use super::window::FitWindow;

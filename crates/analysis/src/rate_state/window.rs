@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::drive_segment::DriveSegment;
-use super::evolution_law::SliderModel;
+use super::evolution_law::{LogState, SliderModel};
 use super::slider::RateStateSlider;
 use super::slider_record::{SliderRecord, weighted_mean};
 
@@ -76,17 +76,25 @@ impl FitWindow {
         window
     }
 
+    /// Returns the states at every row, from steady sliding.
+    ///
+    /// # Errors
+    /// If the integration fails; see [`RateStateSlider::motion`].
+    pub(super) fn motion(&self, model: &SliderModel) -> Result<Vec<LogState>, String> {
+        let law = model.law;
+        let start = law.steady(self.drive[0].velocity);
+        let slider = RateStateSlider::new(law, model.stiffness.unwrap_or(self.stiffness));
+        slider.motion(&self.drive, start, &self.time)
+    }
+
     /// Returns μ of the model at every row, from steady sliding.
     ///
     /// # Errors
     /// If the integration fails; see [`RateStateSlider::motion`].
     pub fn model(&self, model: &SliderModel) -> Result<Vec<f64>, String> {
-        let law = model.law;
-        let start = law.steady(self.drive[0].velocity);
-        let slider = RateStateSlider::new(law, model.stiffness.unwrap_or(self.stiffness));
-        let states = slider.motion(&self.drive, start, &self.time)?;
+        let states = self.motion(model)?;
         let rows = states.into_iter().zip(&self.displacement);
-        let friction = rows.map(|(state, driven)| law.friction(state) + model.trend * driven);
+        let friction = rows.map(|(state, driven)| model.law.friction(state) + model.trend * driven);
         Ok(friction.collect())
     }
 
@@ -104,7 +112,7 @@ impl FitWindow {
     }
 
     /// The means of a value of the rows over the groups.
-    fn means(&self, rows: &[f64]) -> Vec<f64> {
+    pub(super) fn means(&self, rows: &[f64]) -> Vec<f64> {
         let groups = self.groups.iter().cloned();
         let means = groups.map(|group| weighted_mean(&rows[group.clone()], &self.load[group]));
         means.collect()
