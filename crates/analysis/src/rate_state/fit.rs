@@ -61,8 +61,8 @@ impl Fit {
 /// A⁻¹) parameters that the segment determines bias it low by the share h/ν (Wolff 2004, eq. 49,
 /// where h = 1). Intervals are 95 % by Student's t with the degrees of freedom of Welch and
 /// Satterthwaite, (ΣC_s)²/Σ(C_s²/ν). Parameters that take part in a direction of A without
-/// curvature are not determined, those beside it keep their intervals. V* is the first velocity of
-/// the first window.
+/// curvature are not determined, those beside it keep their intervals; a k̄ that is not determined
+/// has the lower end of its profile. V* is the first velocity of the first window.
 ///
 /// # Errors
 /// Says why there is no fit: no windows, no convergence, a failed integration, or data that do not
@@ -158,7 +158,14 @@ fn result(windows: &[FitWindow], form: &FitForm, problem: &FitProblem<'_>) -> Re
             _ => problem.value(quantity),
         };
         let half_width = covariance.half_width(&factors(problem, quantity));
-        (quantity, quantity.estimate(value, half_width, length))
+        let mut estimate = quantity.estimate(value, half_width, length);
+        if quantity == Quantity::Stiffness && !estimate.determined {
+            // A spring too stiff for the rows: any stiffer one would do as well.
+            let freedom = noise.iter().map(|noise| noise.freedom).sum();
+            let least = problem.least_stiffness(student(freedom).powi(2));
+            estimate.interval = [least, f64::INFINITY];
+        }
+        (quantity, estimate)
     });
     let means = residuals.iter().map(Vec::len).sum::<usize>() as f64;
     let square: f64 = residuals.iter().flatten().map(|r| r * r).sum();

@@ -160,6 +160,41 @@ impl<'a> FitProblem<'a> {
         self.minimized()
     }
 
+    /// The k̄ (1/m) below the one at this minimum where the cost is greater by `more`, all else
+    /// fitted anew: the lower end of a profile. 0 if there is none.
+    pub(super) fn least_stiffness(&self, more: f64) -> f64 {
+        /// Steps of ln k̄ while the end is searched, and halvings of the last one.
+        const STEP: f64 = 1.4;
+        const STEPS: usize = 20;
+        const HALVINGS: usize = 7;
+        let place = Quantity::Stiffness as usize;
+        let mut on_spring = self.clone();
+        on_spring.searched.retain(|searched| *searched != place);
+        let most = self.cost() + more;
+        let at_stiffness = |from: &Self, ln_k: f64| {
+            let mut at = from.at;
+            at[place] = ln_k;
+            let found = from.moved_to(at).minimized().ok()?;
+            (found.cost() < most).then_some(found)
+        };
+        for _ in 0..STEPS {
+            let ln_k = on_spring.at[place];
+            let Some(found) = at_stiffness(&on_spring, ln_k - STEP) else {
+                let (mut low, mut high) = (ln_k - STEP, ln_k);
+                for _ in 0..HALVINGS {
+                    let middle = 0.5 * (low + high);
+                    match at_stiffness(&on_spring, middle) {
+                        Some(found) => (on_spring, high) = (found, middle),
+                        None => low = middle,
+                    }
+                }
+                return high.exp();
+            };
+            on_spring = found;
+        }
+        0.0
+    }
+
     /// The problem at another point.
     fn moved_to(&self, at: Parameters) -> Self {
         Self { at, ..self.clone() }

@@ -151,6 +151,15 @@ struct Driven<'a, const S: usize> {
 }
 
 impl<const S: usize> Driven<'_, S> {
+    /// A step (s) within which the slider cannot follow the drive yet: a hundredth of the slip a/k̄
+    /// at the faster of both. The crate's own guess is 0 on stiff springs.
+    fn first_step(&self, ln_v: f64, duration: f64) -> f64 {
+        let RateStateSlider { law, stiffness, .. } = self.slider;
+        let fastest = (law.v_star * ln_v.exp()).max(self.drive);
+        let step = 0.01 * law.a / (stiffness * fastest);
+        step.clamp(f64::EPSILON * duration, duration)
+    }
+
     /// Integrates N = S + 1 equations; as [`RateStateSlider::segment`].
     fn integrated<const N: usize>(
         &self,
@@ -163,7 +172,8 @@ impl<const S: usize> Driven<'_, S> {
         let mut method = ImplicitRungeKutta::radau5()
             .rtol(tolerance)
             .atol(tolerance)
-            .newton_tol(newton_tolerance(tolerance));
+            .newton_tol(newton_tolerance(tolerance))
+            .h0(self.first_step(start[0], duration));
         let mut output = OutputTimes {
             times,
             states,

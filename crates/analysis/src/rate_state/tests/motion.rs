@@ -171,3 +171,25 @@ fn states_between_the_steps_are_as_good_as_those_at_their_ends() {
         }
     }
 }
+
+/// On springs that are stiff beyond measure the slider moves as the drive does, and μ jumps by
+/// a ln(V/V_0) while θ is what it was.
+#[test]
+fn stiff_springs_impose_the_velocity() {
+    for evolution in BOTH {
+        let law = law(evolution);
+        for stiffness in (0..40).map(|k| 1e7 * f64::powf(1.5, f64::from(k))) {
+            let drive = [segment(0.02, 1.0), segment(0.2, 1.0), segment(0.02, 1.0)];
+            // 10 slips of a/k̄ after the step, over which V becomes that of the drive.
+            let soon = 1.0 + 10.0 * law.a / stiffness / 0.2;
+            let times = [0.5, soon, 1.5, 2.9];
+            let slider = RateStateSlider::new(law, stiffness);
+            let states = moved(slider, 0.02, &drive, &times);
+            for (state, imposed) in states.iter().zip([0.02, 0.2, 0.2, 0.02]) {
+                assert_near(law.velocity(*state), imposed, 1e-3);
+            }
+            let jump = law.friction(states[1]) - law.friction(states[0]);
+            assert_near(jump, law.a * f64::ln(10.0), 1e-3);
+        }
+    }
+}
