@@ -334,9 +334,9 @@ impl<'a> FitProblem<'a> {
         }
         let (_, [spread, both]) = joint_moments(&points);
         let slope = if spread > 1e-6 { both / spread } else { 0.0 };
-        // k̄ D_c; without a fit of k̄ any value will do.
+        // k̄ D_c/a; without a fit of k̄ any value will do.
         let springs: &[f64] = if self.form.fits_stiffness {
-            &[0.3, 3.0, 30.0]
+            &[1.0, 10.0, 100.0]
         } else {
             &[1.0]
         };
@@ -349,7 +349,7 @@ impl<'a> FitProblem<'a> {
                     at[Quantity::A as usize] = f64::ln(a);
                     at[Quantity::B as usize] = a - slope;
                     at[Quantity::Dc as usize] = ln_d_c;
-                    at[Quantity::Stiffness as usize] = spring.ln() - ln_d_c;
+                    at[Quantity::Stiffness as usize] = f64::ln(a * spring) - ln_d_c;
                     grid.push(self.with_given(at));
                 }
             }

@@ -412,11 +412,16 @@ fn shown(fit: &Fit, quantity: Quantity) -> Option<String> {
         Quantity::Dc | Quantity::SecondDc | Quantity::Stiffness | Quantity::Trend
     );
     let number = if is_of_length { digits } else { decimals };
-    let [low, high] = interval.map(number);
+    let [low, high] = interval;
+    let [least, most] = interval.map(number);
     Some(if fit.given.contains(&quantity) {
         format!("{} (given)", number(value))
     } else if determined {
-        format!("{} ({low} … {high})", number(value))
+        format!("{} ({least} … {most})", number(value))
+    } else if high.is_finite() {
+        format!("not determined ({least} … {most})")
+    } else if low > 0.0 {
+        format!("not determined (> {least})")
     } else {
         "not determined".into()
     })

@@ -244,6 +244,54 @@ fn a_fit_returns_everything_together() {
     }
 }
 
+/// So they do on a spring so soft that the slider swings after every step, b > a.
+#[test]
+fn a_slider_that_swings_is_fitted() {
+    let second = StateVariable {
+        b: -0.0096,
+        d_c: 127e-6,
+    };
+    let law = RateStateLaw {
+        evolution: Evolution::Aging,
+        mu_star: 0.6,
+        a: 0.0154,
+        b: 0.0181,
+        d_c: 14.8e-6,
+        second: Some(second),
+        v_star: 1e-6,
+    };
+    let drive = [1.0, 10.0, 1.0, 0.0, 1.0].map(|v| 1e-6 * v);
+    let durations = [200.0, 60.0, 300.0, 50.0, 200.0];
+    let drive: Vec<_> = (drive.iter().zip(durations))
+        .map(|(velocity, duration)| segment(*velocity, duration))
+        .collect();
+    let stiffness = 970.0;
+    let record = disturbed(&on_spring(&law, stiffness, &drive, 0.1), 6, 3e-4, 0.0);
+    let form = FitForm {
+        two_states: true,
+        detrends: true,
+        fits_stiffness: true,
+        ..FitForm::default()
+    };
+    let found = fit(&[FitWindow::of(&record, 0..5)], law.evolution, &form).expect("a fit");
+    assert!(found.rms < 3e-4, "{}", found.rms);
+    for (quantity, made) in [
+        (Quantity::A, law.a),
+        (Quantity::B, law.b),
+        (Quantity::Dc, law.d_c),
+        (Quantity::SecondB, second.b),
+        (Quantity::SecondDc, second.d_c),
+        (Quantity::Stiffness, stiffness),
+        (Quantity::Trend, 0.0),
+    ] {
+        let estimate = found.estimate(quantity).expect("an estimate");
+        let [low, high] = estimate.interval;
+        let text = format!("{}: {estimate:?} for {made}", quantity.name());
+        assert!((estimate.value - made).abs() < high - low, "{text}");
+        assert!(made == 0.0 || high - low < 0.2 * made.abs(), "{text}");
+    }
+}
+
 /// Rows every 5 ms do not show the slip of 0.025 µm in which a spring this stiff loads the slider:
 /// k̄ is not determined, only bounded from below, and all else is.
 #[test]

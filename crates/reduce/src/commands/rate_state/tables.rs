@@ -208,7 +208,7 @@ fn fits(reduction: &Reduction) -> String {
         .columns(estimates.into_iter().flatten(), |(.., fit, _)| {
             let cells = Quantity::ALL.map(|quantity| {
                 let estimate = fit.as_ref().ok().and_then(|fit| fit.estimate(quantity));
-                estimate.map_or([None; 3], determined)
+                estimate.map_or([None; 3], cells_of)
             });
             cells.into_iter().flatten()
         })
@@ -235,13 +235,16 @@ fn fits(reduction: &Reduction) -> String {
         .csv()
 }
 
-/// An estimate and the ends of its interval, if the data determine it.
-fn determined(estimate: Estimate) -> [Option<f64>; 3] {
-    if !estimate.determined {
-        return [None; 3];
-    }
-    let [low, high] = estimate.interval;
-    [estimate.value, low, high].map(known)
+/// An estimate, if the data determine it, and the ends of its interval.
+fn cells_of(estimate: Estimate) -> [Option<f64>; 3] {
+    let [low, high] = estimate.interval.map(known);
+    [value_of(estimate), low, high]
+}
+
+/// The value of an estimate, if the data determine it.
+fn value_of(estimate: Estimate) -> Option<f64> {
+    let value = known(estimate.value);
+    value.filter(|_| estimate.determined)
 }
 
 /// Returns the content of `rate-state.json`.
@@ -326,10 +329,11 @@ fn fit(fitted: &Fitted) -> Value {
                     "rms": fit.rms,
                     "effective_values": fit.effective,
                     "chi_squared": chi,
+                    "undetermined": fit.undetermined(),
                 });
                 for (quantity, e) in &fit.estimates {
-                    let known = json!({ "value": e.value, "interval": e.interval });
-                    value[quantity.name()] = if e.determined { known } else { Value::Null };
+                    value[quantity.name()] =
+                        json!({ "value": value_of(*e), "interval": e.interval });
                 }
                 if !fit.given.is_empty() {
                     value["given"] = fit.given.iter().map(|quantity| quantity.name()).collect();
