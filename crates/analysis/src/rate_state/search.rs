@@ -163,10 +163,12 @@ impl<'a> FitProblem<'a> {
     /// The k̄ (1/m) below the one at this minimum where the cost is greater by `more`, all else
     /// fitted anew: the lower end of a profile. 0 if there is none.
     pub(super) fn least_stiffness(&self, more: f64) -> f64 {
-        /// Steps of ln k̄ while the end is searched, and halvings of the last one.
-        const STEP: f64 = 1.4;
-        const STEPS: usize = 20;
-        const HALVINGS: usize = 7;
+        /// First step of ln k̄; each is twice the one before, since the minimum may lie anywhere
+        /// where k̄ has no effect.
+        const STEP: f64 = 1.0;
+        const STEPS: i32 = 7;
+        /// Accuracy of ln k̄.
+        const ACCURACY: f64 = 0.02;
         let place = Quantity::Stiffness as usize;
         let mut on_spring = self.clone();
         on_spring.searched.retain(|searched| *searched != place);
@@ -177,20 +179,21 @@ impl<'a> FitProblem<'a> {
             let found = from.moved_to(at).minimized().ok()?;
             (found.cost() < most).then_some(found)
         };
-        for _ in 0..STEPS {
+        for step in (0..STEPS).map(|k| STEP * f64::powi(2.0, k)) {
             let ln_k = on_spring.at[place];
-            let Some(found) = at_stiffness(&on_spring, ln_k - STEP) else {
-                let (mut low, mut high) = (ln_k - STEP, ln_k);
-                for _ in 0..HALVINGS {
-                    let middle = 0.5 * (low + high);
-                    match at_stiffness(&on_spring, middle) {
-                        Some(found) => (on_spring, high) = (found, middle),
-                        None => low = middle,
-                    }
+            if let Some(found) = at_stiffness(&on_spring, ln_k - step) {
+                on_spring = found;
+                continue;
+            }
+            let (mut low, mut high) = (ln_k - step, ln_k);
+            while high - low > ACCURACY {
+                let middle = 0.5 * (low + high);
+                match at_stiffness(&on_spring, middle) {
+                    Some(found) => (on_spring, high) = (found, middle),
+                    None => low = middle,
                 }
-                return high.exp();
-            };
-            on_spring = found;
+            }
+            return high.exp();
         }
         0.0
     }

@@ -29,7 +29,13 @@ pub struct SliderRecord {
     pub deviation: Vec<f64>,
     /// Number of realisations averaged.
     pub realisations: usize,
+    /// Greatest number of means per segment that a fit uses; rows are averaged in groups so that
+    /// its cost does not grow with their number.
+    pub means: usize,
 }
+
+/// The number of means per segment of runs.
+const MEANS: usize = 400;
 
 /// Protocols are equal if velocities and durations agree to this share.
 const SAME_PROTOCOL: f64 = 1e-3;
@@ -56,6 +62,7 @@ impl SliderRecord {
             spin_temperature: unknown.clone(),
             deviation: unknown,
             realisations: 1,
+            means: MEANS,
         }
     }
 
@@ -130,6 +137,7 @@ impl SliderRecord {
             spin_temperature: self.spin_temperature[rows.clone()].to_vec(),
             deviation: self.deviation[rows].to_vec(),
             realisations: self.realisations,
+            means: self.means,
         }
     }
 
@@ -217,6 +225,7 @@ pub(super) fn mean(members: &[&SliderRecord]) -> SliderRecord {
         spin_temperature,
         deviation: friction.iter().map(Moments::deviation).collect(),
         realisations: members.len(),
+        means: first.means,
         time,
     }
 }

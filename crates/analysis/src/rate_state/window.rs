@@ -7,10 +7,6 @@ use super::evolution_law::{LogState, SliderModel};
 use super::slider::RateStateSlider;
 use super::slider_record::{SliderRecord, weighted_mean};
 
-/// Greatest number of means per segment; rows are averaged in groups so that the cost of a fit does
-/// not grow with the number of rows.
-const MEANS: usize = 400;
-
 /// Consecutive segments of a record. The first one is a slide; only its latter half is used, where
 /// sliding is taken as steady.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,7 +53,7 @@ impl FitWindow {
                 record.rows(segment)
             };
             let from = window.groups.len();
-            let length = rows.len().div_ceil(MEANS).max(1);
+            let length = rows.len().div_ceil(record.means).max(1);
             for start in rows.clone().step_by(length) {
                 let group = start..rows.end.min(start + length);
                 window.friction.push(record.mean_friction(group.clone()));

@@ -102,7 +102,7 @@ fn fit_over_data(view: &View) -> String {
     );
     // A single realisation has no band.
     curve.name = match record.realisations {
-        1 => "run".into(),
+        1 => "data".into(),
         n => format!("mean of {n} runs, 2σ"),
     };
     let x = padded(curve.points.iter().map(|p| p[0]), 0.0);

@@ -186,6 +186,10 @@ pub(super) fn stiffness(text: &str) -> Result<Stiffness, String> {
     ))
 }
 
+/// Means per segment of a fit: more than of runs, since a laboratory slides far beyond D_c after a
+/// step and the peak is a small part of it.
+const MEANS: usize = 3000;
+
 /// The rows of some columns.
 struct Rows {
     /// `[columns][rows]` Values in SI units.
@@ -265,13 +269,13 @@ impl Arguments {
         // The record counts from its first row.
         let since = time.iter().map(|t| t - first_time).collect();
         let record = SliderRecord::of_run(stiffness, segments, [since, slip, friction]);
-        let record = match (&normal, mean_normal) {
-            (Some(normal), Some(mean)) => SliderRecord {
-                load: normal.values.iter().map(|stress| stress / mean).collect(),
-                ..record
-            },
-            _ => record,
+        let mut record = SliderRecord {
+            means: MEANS,
+            ..record
         };
+        if let (Some(normal), Some(mean)) = (&normal, mean_normal) {
+            record.load = normal.values.iter().map(|stress| stress / mean).collect();
+        }
         let tested = tested(&record, &place).map_err(wrong)?;
         if let Some(normal) = normal {
             let first = record.time.partition_point(|t| *t < tested.time[0]);
