@@ -128,8 +128,6 @@ def test_a_step_of_the_law_is_its_closed_form(tmp_path: Path) -> None:
         low, high = fit[name]["interval"]
         error = abs(fit[name]["value"] - value)
         assert error < high - low < 0.1 * value, f"{name}: {fit[name]} for {value}"
-    # Without a spring k/N has no upper limit; on one softer than this the rows would show it.
-    assert fit["undetermined"] == ["stiffness"]
-    assert fit["stiffness"]["value"] is None
-    low, high = fit["stiffness"]["interval"]
-    assert high is None and low > A / 20e-6
+    # On a softer spring the slider would need more than a row, 0.2 um, to follow the step.
+    low, _ = fit["stiffness"]["interval"]
+    assert low > A / 0.2e-6
