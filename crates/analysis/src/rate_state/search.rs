@@ -10,6 +10,7 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationRe
 use nalgebra::storage::Owned;
 use nalgebra::{DMatrix, DVector, Dyn, SVD};
 
+use super::drive_segment::DriveSegment;
 use super::evolution_law::{Evolution, LogState, RateStateLaw, SliderModel, StateVariable};
 use super::quantity::{FitForm, PARAMETERS, Parameters, Quantity};
 use super::window::FitWindow;
@@ -23,7 +24,7 @@ const FAILED: f64 = 1e3;
 const SEARCHES: usize = 4;
 /// Least distance of two starts in ln D_c or ln k̄.
 const APART: f64 = 0.5;
-/// Least a of a start; from a lesser one the search finds hardly a way back.
+/// Least a of a start; from a lesser one searches hardly find back.
 const LEAST_A: f64 = 1e-4;
 
 /// The least-squares problem at a point.
@@ -571,7 +572,7 @@ impl<'a> FixedMotion<'a> {
     /// [`Self::best`] of all pairs of D_c.
     fn pairs(&self) -> Vec<(f64, Parameters)> {
         let slides = self.problem.windows.iter().flat_map(|window| &window.drive);
-        let longest = slides.map(|segment| segment.distance()).fold(0.0, f64::max);
+        let longest = slides.map(DriveSegment::distance).fold(0.0, f64::max);
         let span = f64::ln(Self::LONGEST / Self::SHORTEST) / (Self::LENGTHS - 1) as f64;
         let lengths = (0..Self::LENGTHS).map(|k| (longest * Self::SHORTEST).ln() + span * k as f64);
         let form = &self.problem.form;
