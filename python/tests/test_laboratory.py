@@ -49,7 +49,9 @@ def series(law: str, states: tuple[tuple[float, float], ...]) -> Series:
         return np.concatenate([[STIFFNESS * (drive - v)], evolution])
 
     y = np.concatenate([[MU_STAR], d_c])
-    time, moved, friction = [np.zeros(1)], [np.zeros(1)], [np.array([MU_STAR])]
+    time: list[Array] = [np.zeros(1)]
+    moved: list[Array] = [np.zeros(1)]
+    friction: list[Array] = [np.array([MU_STAR])]
     begin, start = 0.0, 0.0
     for v, duration in DRIVE:
         t = INTERVAL * np.arange(1, round(duration / INTERVAL) + 1)
@@ -67,7 +69,8 @@ def series(law: str, states: tuple[tuple[float, float], ...]) -> Series:
 def fits(table: Path, *words: str) -> dict[str, Any]:
     """The fits to all data, by law."""
     out = table.parent / "out"
-    command = [programs.find("gshear-reduce"), "rate-state", table, "--out", out, *words]
+    program = programs.find("gshear-reduce")
+    command: list[str | Path] = [program, "rate-state", table, "--out", out, *words]
     programs.run([*command, "--time", "t"], quiet=True)
     found = json.loads((out / "rate-state.json").read_text())
     laws: dict[str, Any] = found["fits"][0]["laws"]

@@ -337,7 +337,7 @@ impl Lines {
         least.filter(|(_, change)| *change < 1.0).map(|(k, _)| k)
     }
 
-    /// Whether the segment that starts at this end is a change from the one before to the one after.
+    /// Whether the segment that starts here is a change from the one before to the one after.
     fn is_transition(&self, ends: &[usize], k: usize) -> bool {
         if k + 2 >= ends.len() {
             return false;

@@ -124,8 +124,8 @@ impl FitWindow {
     }
 }
 
-/// Returns the record that a model predicts for the same protocol. Before the window, which begins in
-/// the middle of the first segment, μ is constant.
+/// Returns the record that a model predicts for the same protocol. Before the window, which begins
+/// in the middle of the first segment, μ is constant but for the trend.
 ///
 /// # Errors
 /// If the integration fails; see [`RateStateSlider::motion`].

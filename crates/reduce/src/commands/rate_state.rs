@@ -27,6 +27,9 @@ use gshear_store::{dictionary, text_writer};
 /// Runs of the same protocol are realisations: their mean is reduced, with bands of 2σ between
 /// realisations. Writes the mean series, tables of segments, steps, holds and fits (CSV),
 /// rate-state.json, and figures. Intervals are 95 % confidence intervals.
+///
+/// A laboratory's table needs the names of its columns, for example: gshear-reduce rate-state
+/// steps.txt --time 'Time(s)' --displacement 'LP(um):um' --friction mu --stiffness fit --detrend
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// A run.h5, or the folder that holds one; several are realisations or further protocols. With
@@ -39,8 +42,8 @@ pub struct Arguments {
     /// Number of state variables: with 2, a further b_2 ln(V*θ_2/D_c2)
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     states: u8,
-    /// Parameters that are given and not fitted, of a, b, d_c, b_2, d_c_2 (m). With a, b and d_c the
-    /// curves are predictions: only μ* is fitted
+    /// Parameters that are given and not fitted: a, b, b_2, and d_c, d_c_2 in m. With a, b and d_c
+    /// the curves are predictions: only μ* is fitted, and the trend if there is one
     #[arg(long, value_name = "NAME=VALUE,…", value_delimiter = ',', value_parser = given)]
     given: Vec<(Quantity, f64)>,
     /// k̄ with its unit (1/m, 1/mm, 1/um of the friction; MPa/mm, … of the stress), or fit

@@ -15,8 +15,8 @@ use gshear_store::sound;
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Experiments of a laboratory")]
 pub struct Arguments {
-    /// Column of the time, with its unit: s, ms, us, min or h [default: s]. RUN then is the table of
-    /// an experiment: numbers separated by commas, semicolons, tabs or spaces below a line of
+    /// Column of the time, with its unit: s, ms, us, min or h [default: s]. RUN then is the table
+    /// of an experiment: numbers separated by commas, semicolons, tabs or spaces below a line of
     /// names; without names, columns are 1, 2, …
     #[arg(long, value_name = "NAME[:UNIT]", value_parser = time)]
     time: Option<Column>,

@@ -243,8 +243,11 @@ fn cells_of(estimate: Estimate) -> [Option<f64>; 3] {
 
 /// The value of an estimate, if the data determine it.
 fn value_of(estimate: Estimate) -> Option<f64> {
-    let value = known(estimate.value);
-    value.filter(|_| estimate.determined)
+    if estimate.determined {
+        known(estimate.value)
+    } else {
+        None
+    }
 }
 
 /// Returns the content of `rate-state.json`.
