@@ -98,12 +98,12 @@ const LEAST_DEPARTURE: f64 = 5.0;
 /// holds.
 const STILL: f64 = 1e-4;
 
-/// Returns the segments of a drive from its measured displacement (m) at `time` (s, ascending), both
-/// `[L]`: straight lines by least squares.
+/// Returns the segments of a drive from its measured displacement (m) at `time` (s, ascending),
+/// both `[L]`: straight lines by least squares.
 ///
 /// The rows are divided into the segments of least squares with a penalty for each (optimal
-/// partitioning, Jackson et al. 2005), first in blocks of rows; then each division moves to its best
-/// row between its neighbours. Divisions at which the velocity differs by less than a tenth, or the
+/// partitioning, Jackson et al. 2005), first in blocks of rows; then each division moves to its
+/// best row between its neighbours. Divisions at which the velocity differs by less than a tenth, or the
 /// displacement departs from one line by less than five times its noise, are removed, the least
 /// first. A short segment of a velocity between those of its neighbours is taken as the change from
 /// one to the other. A division lies where the lines meet.
