@@ -438,6 +438,10 @@ impl<'a> FitProblem<'a> {
                 starts.extend(distinct(pairs.into_iter().map(|(_, at)| at), SEARCHES));
             }
         }
+        if self.form.given(Quantity::SecondDc).is_some() {
+            // The motion of a given first state variable alone may be far from the data.
+            starts.extend(self.starts());
+        }
         let starts = self.by_cost(starts);
         Ok(self.best_of(starts, SEARCHES)?.ordered())
     }

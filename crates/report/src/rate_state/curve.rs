@@ -12,7 +12,7 @@ use crate::ticks::{self, Tick};
 use gshear_analysis::moments::distinct;
 use gshear_analysis::rate_state::{Evolution, Experiment};
 
-pub(super) const LAYOUT: Layout = Layout::new([900.0, 460.0], 78.0);
+pub(super) const LAYOUT: Layout = Layout::new([900.0, 460.0], 88.0);
 /// Greatest number of curves named in the legend.
 const NAMED: usize = 3;
 

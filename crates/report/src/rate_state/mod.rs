@@ -163,12 +163,22 @@ fn holds(views: &[View]) -> Option<String> {
     for (view, hold) in all_holds(views) {
         let record = &view.experiment.record;
         let begin = record.begin(hold.segment);
+        let rows = record.rows(hold.segment);
+        let interval = record.time[rows.start] - record.time[rows.start - 1];
         let name = format!("{} s from {} m/s", short(hold.duration), short(hold.before));
         curves.push(Curve::of(
             view,
             name,
-            &record.rows(hold.segment),
-            |row| (record.time[row] - begin).log10(),
+            &rows,
+            |row| {
+                let since = record.time[row] - begin;
+                // A first row that happens to lie at the start would add decades to the axis.
+                if since < 0.5 * interval {
+                    f64::NAN
+                } else {
+                    since.log10()
+                }
+            },
             |e, friction| above_steady(e, hold.segment - 1, friction),
         ));
     }

@@ -393,3 +393,43 @@ fn a_given_law_is_not_fitted() {
     );
     assert!(found.rms > fitted.expect("a fit").rms);
 }
+
+/// The k̄ of a given law with two state variables comes back, also if one of them alone would be
+/// fitted best on no spring at all.
+#[test]
+fn the_stiffness_of_a_given_law_is_fitted() {
+    let law = RateStateLaw {
+        evolution: Evolution::Slip,
+        mu_star: 0.6,
+        a: 0.0489,
+        b: 0.0432,
+        d_c: 0.22e-6,
+        second: Some(StateVariable {
+            b: 0.0061,
+            d_c: 15e-6,
+        }),
+        v_star: 3e-6,
+    };
+    let stiffness = 2400.0;
+    let drive = [segment(3e-6, 70.0), segment(1e-5, 50.0)];
+    let record = disturbed(&on_spring(&law, stiffness, &drive, 0.05), 8, 3e-4, 0.0);
+    let form = FitForm {
+        two_states: true,
+        fits_stiffness: true,
+        given: vec![
+            (Quantity::A, law.a),
+            (Quantity::B, law.b),
+            (Quantity::Dc, law.d_c),
+            (Quantity::SecondB, 0.0061),
+            (Quantity::SecondDc, 15e-6),
+        ],
+        ..FitForm::default()
+    };
+    let found = fit(&[FitWindow::of(&record, 0..2)], law.evolution, &form).expect("a fit");
+    let estimate = found.estimate(Quantity::Stiffness).expect("an estimate");
+    let [low, high] = estimate.interval;
+    assert!(
+        (estimate.value - stiffness).abs() < high - low && high - low < 0.1 * stiffness,
+        "{estimate:?}"
+    );
+}
