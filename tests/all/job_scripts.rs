@@ -79,8 +79,8 @@ fn the_next_job_of_a_chain_has_every_variable_of_the_first() {
     }
 }
 
-/// With `LAYOUT=auto` a job has the first layout that the program prints for its nodes, of the scene
-/// as the options of the job change it.
+/// With `LAYOUT=auto` a job has the first layout that the program prints for its nodes, of the
+/// scene as the options of the job change it.
 #[test]
 fn a_layout_is_that_of_the_program() {
     let scene = "configs/plane-shear-2d.toml";

@@ -431,9 +431,10 @@ const COPIED_BY_THREADS: usize = 512;
 
 /// How many of some records a thread copies, and the threads.
 fn divided(records: usize, workers: Option<&Workers>) -> (usize, Option<&Workers>) {
-    let workers = workers.filter(|_| records >= COPIED_BY_THREADS);
-    let part = records.div_ceil(workers::count(workers));
-    (part.max(1), workers)
+    if records < COPIED_BY_THREADS {
+        return (records.max(1), None);
+    }
+    (records.div_ceil(workers::count(workers)), workers)
 }
 
 /// Writes the numbers of the chosen records, one record after the other.
