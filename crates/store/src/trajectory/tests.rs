@@ -167,3 +167,183 @@ fn values_have_units_per_unit_depth() {
     assert_eq!(unit("work_load").as_deref(), Some("J m-1"));
     assert_eq!(unit("strain"), None);
 }
+
+/// Frame `step` of grains and contacts with numbers of their own.
+fn numbered(step: u64) -> (Vec<GrainSample>, Vec<ContactSample>) {
+    let mixed = |n: u64| (n.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 11) as f64 * 1e-16;
+    let grains = (0..GRAINS as u32).map(|id| {
+        let n = step << 20 | u64::from(id) << 4;
+        GrainSample {
+            id,
+            position: [mixed(n), mixed(n + 1), 0.0],
+            velocity: [mixed(n + 2), mixed(n + 3), 0.0],
+            angular_velocity: [0.0, 0.0, mixed(n + 4)],
+            image: [step as i64 % 3 - 1, 0, 0],
+            ..GrainSample::zeroed()
+        }
+    });
+    // As many as chunks do not have by a whole number.
+    let contacts = (1..GRAINS as u32 - (step % 7) as u32).map(|j| {
+        let n = step << 20 | u64::from(j) << 4;
+        ContactSample {
+            i: j - 1,
+            j,
+            normal_force: mixed(n + 5),
+            tangential_force: [mixed(n + 6), 0.0, 0.0],
+            overlap: mixed(n + 7),
+            tangential_history: [mixed(n + 8), 0.0, 0.0],
+            rolling_history: mixed(n + 9),
+            sliding: u64::from(j) % 2,
+            ..ContactSample::zeroed()
+        }
+    });
+    (grains.collect(), contacts.collect())
+}
+
+const GRAINS: usize = 700;
+
+fn numbered_file(path: &Path, histories: bool) -> TrajectoryWriter {
+    let grains: Vec<GrainShape> = (0..GRAINS as u32)
+        .map(|id| GrainShape {
+            id,
+            radius: 1.0,
+            mass: 1.0,
+            ..GrainShape::zeroed()
+        })
+        .collect();
+    let header = RunHeader {
+        form: FrameFormat {
+            histories,
+            ..FrameFormat::new(2, false)
+        },
+        series: &SeriesRow::COLUMNS,
+        edges: [2.0, 3.0, 0.0],
+        grains: &grains,
+        attributes: &[("scene", "seed = 1".into())],
+        ..RunHeader::default()
+    };
+    TrajectoryWriter::create(&Solo, path, &header).unwrap()
+}
+
+fn write_numbered(writer: &mut TrajectoryWriter, steps: std::ops::Range<u64>) {
+    for step in steps {
+        let (grains, contacts) = numbered(step);
+        let clock = (step, step as f64);
+        let written = writer.frame(&Solo, clock, &[[0.0; 3]; 3], &grains, &contacts);
+        written.unwrap();
+    }
+}
+
+/// The first `frames` frames have the numbers of [`numbered`], bit for bit.
+fn assert_numbered(path: &Path, frames: u64, histories: bool) {
+    let run = RunFile::open(path).unwrap();
+    assert!(run.frames() as u64 >= frames);
+    for step in 0..frames {
+        let frame = run.frame(step as usize).unwrap();
+        let (grains, mut contacts) = numbered(step);
+        if !histories {
+            for contact in &mut contacts {
+                (contact.tangential_history, contact.rolling_history) = ([0.0; 3], 0.0);
+            }
+        }
+        assert_eq!(frame.grains, grains, "frame {step}");
+        assert_eq!(frame.contacts, contacts, "frame {step}");
+    }
+}
+
+/// Frames are compressed with filters that every reader has, one component in a chunk, and come
+/// back as they were: after flushes within chunks, and of a file that was cut and continued.
+#[test]
+fn compressed_frames_come_back_bit_for_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    for histories in [true, false] {
+        let path = folder.path().join(format!("{histories}.h5"));
+        let mut writer = numbered_file(&path, histories);
+        write_numbered(&mut writer, 0..11);
+        writer.flush(&Solo).unwrap();
+        write_numbered(&mut writer, 11..150);
+        writer.finish(&Solo, &[]).unwrap();
+        assert_numbered(&path, 150, histories);
+        let mut writer = append(&path, 77, 0).unwrap();
+        assert_eq!(writer.columns.form.histories, histories);
+        write_numbered(&mut writer, 77..140);
+        writer.finish(&Solo, &[]).unwrap();
+        assert_numbered(&path, 140, histories);
+
+        let file = hdf5::File::open(&path).unwrap();
+        let filters = [
+            hdf5::filters::Filter::shuffle(),
+            hdf5::filters::Filter::deflate(1),
+        ];
+        let contacts: usize = (0..140).map(|step| GRAINS - 1 - step % 7).sum();
+        for (name, shape, chunk) in [
+            (
+                "particles/trajectory/position/value",
+                vec![140, GRAINS, 3],
+                vec![32, GRAINS, 1],
+            ),
+            (
+                "particles/trajectory/angular_velocity/value",
+                vec![140, GRAINS],
+                vec![32, GRAINS],
+            ),
+            (
+                "connectivity/contacts/normal_force",
+                vec![contacts],
+                vec![32_768],
+            ),
+        ] {
+            let dataset = file.dataset(name).unwrap();
+            assert_eq!(dataset.filters(), filters, "{name}");
+            assert_eq!(
+                (dataset.shape(), dataset.chunk()),
+                (shape, Some(chunk)),
+                "{name}"
+            );
+        }
+        for name in ["tangential_history", "rolling_history"] {
+            assert_eq!(file.link_exists(&layout::contact_dataset(name)), histories);
+        }
+    }
+}
+
+/// A kill at any time after a checkpoint leaves what it counts on: chunks that were not full then
+/// get new places, and their old ones are used for other numbers.
+#[test]
+fn compressed_frames_survive_a_kill_after_a_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, killed, again] =
+        ["run.h5", "killed.h5", "again.h5"].map(|name| folder.path().join(name));
+    // As a kill leaves it.
+    let copy = |from: &Path, to: &Path| {
+        std::fs::copy(from, to).unwrap();
+        std::fs::copy(journal::path_of(from), journal::path_of(to)).unwrap();
+    };
+    let mut writer = numbered_file(&path, true);
+    let mut from = 0;
+    for (checkpoint, to) in [(45, 60), (70, 71), (72, 200), (200, 233)] {
+        write_numbered(&mut writer, from..checkpoint);
+        writer.flush(&Solo).unwrap();
+        write_numbered(&mut writer, checkpoint..to);
+        writer.write_frames(&Solo).unwrap();
+        writer.flush_file(&Solo).unwrap();
+        from = to;
+        copy(&path, &killed);
+        let mut notes = Vec::new();
+        crate::existing::recover(&killed, &mut notes).unwrap();
+        assert_eq!(notes, Vec::<String>::new());
+        assert_numbered(&killed, checkpoint, true);
+        // As it goes on from an earlier checkpoint, and is killed again.
+        let mut resumed = append(&killed, checkpoint - 9, 0).unwrap();
+        write_numbered(&mut resumed, checkpoint - 9..checkpoint + 40);
+        resumed.write_frames(&Solo).unwrap();
+        resumed.flush_file(&Solo).unwrap();
+        copy(&killed, &again);
+        crate::existing::recover(&again, &mut notes).unwrap();
+        assert_numbered(&again, checkpoint - 9, true);
+        resumed.finish(&Solo, &[]).unwrap();
+        assert_numbered(&killed, checkpoint + 40, true);
+    }
+    writer.finish(&Solo, &[]).unwrap();
+    assert_numbered(&path, 233, true);
+}
