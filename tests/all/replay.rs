@@ -56,6 +56,7 @@ fn a_window_is_that_of_the_run_with_frames() {
     run(SCENE, 1, &folder("frames"), &["output.frame_strain=0.005"]);
     let kept = [
         "output.frame_strain=0",
+        "output.histories=false",
         "output.keep_checkpoints=true",
         "output.checkpoint_strain=0.25",
         "analysis.scalars=true",
@@ -394,10 +395,15 @@ fn the_report_replays_the_largest_drop() {
     ];
     let coarse = report(
         "coarse",
-        &[&kept[..], &["output.frame_strain=0.02"]].concat(),
+        &[
+            &kept[..],
+            &["output.frame_strain=0.02", "output.histories=false"],
+        ]
+        .concat(),
     );
     let none = report("none", &["output.frame_strain=0"]);
-    assert!(coarse.join("replay/run.h5").is_file() && !whole.join("replay").exists());
+    // The files of a replay go once it is shown.
+    assert!(!coarse.join("replay").exists() && !whole.join("replay").exists());
     for figure in [
         "dmin",
         "force-change",
@@ -445,6 +451,13 @@ fn the_report_replays_the_largest_drop() {
     );
     let page = std::fs::read_to_string(none.join("index.html")).expect("a page");
     assert!(page.contains("there are no maps"));
+    // All are made and kept if asked for.
+    said(&reduce(&["report", text(&folder), "--replay"]), 0);
+    assert!(coarse.join("replay/run.h5").is_file() && coarse.join("replay-dmin/run.h5").is_file());
+    for command in ["spectrum", "stability"] {
+        let told = said(&reduce(&[command, text(&folder)]), 2);
+        assert!(told.contains("output.histories = false left out"), "{told}");
+    }
 }
 
 /// The states that a report shows are those right before and after the drop, and say so; the
@@ -471,7 +484,7 @@ fn assert_shows_the_drop(whole: &Path, report: &Path) {
     let [from, to] = steps(greatest);
     let rows = steps(&numbers(whole)["greatest_dmin"]);
     assert_eq!(to - from, rows[1] - rows[0]);
-    assert!(report.join("replay-dmin/run.h5").is_file());
+    assert!(!report.join("replay-dmin").exists());
     assert!(page.contains("The greatest D²<sub>min</sub> of the run"));
 }
 

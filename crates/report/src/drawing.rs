@@ -1,8 +1,9 @@
-//! Files of figures: SVG for pages, PDF for papers, PNG for slides.
+//! Files of figures: SVG for pages and the web, PDF for papers, PNG for slides.
 
 use std::borrow::Cow;
 use std::error::Error;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::sync::{Arc, LazyLock};
 
 use gshear_dem::failure::{Failure, Result};
@@ -26,13 +27,67 @@ static FONTS: LazyLock<Arc<Database>> = LazyLock::new(|| {
     Arc::new(fonts)
 });
 
-/// Writes figures (path that ends in `.svg`, and the SVG) with PDF and PNG beside each. Returns the
-/// number of files.
+/// The format of a file of a figure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// For pages.
+    Svg,
+    /// For papers.
+    Pdf,
+    /// For slides.
+    Png,
+}
+
+impl Format {
+    /// All formats.
+    pub const ALL: [Self; 3] = [Self::Svg, Self::Pdf, Self::Png];
+
+    /// How the names of its files end.
+    pub fn ending(self) -> &'static str {
+        match self {
+            Self::Svg => "svg",
+            Self::Pdf => "pdf",
+            Self::Png => "png",
+        }
+    }
+
+    /// The content of the file of a figure.
+    fn drawn(self, svg: &str) -> Result<Vec<u8>, Box<dyn Error>> {
+        match self {
+            Self::Svg => Ok(svg.into()),
+            Self::Pdf => {
+                let (pages, options) = (PageOptions::default(), ConversionOptions::default());
+                let pdf = svg2pdf::to_pdf(&tree(svg)?, options, pages);
+                Ok(in_order(&pdf.map_err(|e| e.to_string())?))
+            }
+            Self::Png => {
+                let tree = tree(svg)?;
+                let area = tree.size().width() * tree.size().height();
+                let scale = SCALE.min((MOST_PIXELS / area).sqrt()).max(1.0);
+                Ok(rendered(&tree, scale)?.encode_png()?)
+            }
+        }
+    }
+}
+
+impl FromStr for Format {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let format = Self::ALL.into_iter().find(|format| format.ending() == text);
+        format.ok_or_else(|| "must be svg, pdf or png".into())
+    }
+}
+
+/// Writes figures (path that ends in `.svg`, and the SVG) in some formats. Returns the number of
+/// files.
 ///
 /// # Errors
 /// If a file cannot be written.
-pub fn write_all(figures: &[(PathBuf, &str)]) -> Result<usize> {
-    let written = figures.par_iter().map(|(path, svg)| write(path, svg));
+pub fn write_all(figures: &[(PathBuf, &str)], formats: &[Format]) -> Result<usize> {
+    let written = figures
+        .par_iter()
+        .map(|(path, svg)| write(path, svg, formats));
     written.sum()
 }
 
@@ -40,32 +95,14 @@ pub fn write_all(figures: &[(PathBuf, &str)]) -> Result<usize> {
 ///
 /// # Errors
 /// If a file cannot be written.
-pub fn write(path: &Path, svg: &str) -> Result<usize> {
-    let drawn = Drawn::new(svg)
-        .map_err(|why| Failure::other(format!("{}: cannot be drawn: {why}", path.display())))?;
-    text_writer::write(path, svg)?;
-    text_writer::write(&path.with_extension("pdf"), drawn.pdf)?;
-    text_writer::write(&path.with_extension("png"), drawn.png)?;
-    Ok(3)
-}
-
-/// A figure in the other formats.
-struct Drawn {
-    pdf: Vec<u8>,
-    png: Vec<u8>,
-}
-
-impl Drawn {
-    fn new(svg: &str) -> Result<Self, Box<dyn Error>> {
-        let tree = tree(svg)?;
-        let pdf = svg2pdf::to_pdf(&tree, ConversionOptions::default(), PageOptions::default());
-        let area = tree.size().width() * tree.size().height();
-        let scale = SCALE.min((MOST_PIXELS / area).sqrt()).max(1.0);
-        Ok(Self {
-            pdf: in_order(&pdf.map_err(|e| e.to_string())?),
-            png: rendered(&tree, scale)?.encode_png()?,
-        })
+pub fn write(path: &Path, svg: &str, formats: &[Format]) -> Result<usize> {
+    for format in formats {
+        let drawn = format
+            .drawn(svg)
+            .map_err(|why| Failure::other(format!("{}: cannot be drawn: {why}", path.display())))?;
+        text_writer::write(&path.with_extension(format.ending()), drawn)?;
     }
+    Ok(formats.len())
 }
 
 fn tree(svg: &str) -> Result<Tree, svg2pdf::usvg::Error> {
@@ -180,7 +217,7 @@ mod tests {
     fn written(svg: &str) -> (Pixmap, Vec<u8>) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.svg");
-        assert_eq!(write(&path, svg).unwrap(), 3);
+        assert_eq!(write(&path, svg, &Format::ALL).unwrap(), 3);
         let image = Pixmap::load_png(path.with_extension("png")).unwrap();
         (image, std::fs::read(path.with_extension("pdf")).unwrap())
     }

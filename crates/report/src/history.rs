@@ -3,12 +3,12 @@
 use gshear_store::csv_table::Table;
 use gshear_store::run_reader::{RunFile, RunStage, Series};
 
-use super::ReportFigure;
 use super::curves::{Abscissa, lines};
 use super::panels::{Deformation, PANELS, Panel, Shown};
 use super::plot::Layout;
 use super::summary::{is_driven, is_imposed};
 use super::ticks;
+use super::{FigureData, ReportFigure};
 
 pub(crate) const LAYOUT: Layout = Layout::new([900.0, 320.0], 84.0);
 
@@ -111,7 +111,10 @@ pub fn drawn(run: &RunFile, axis: &Axis, panel: &'static Panel) -> Option<Report
         .collect();
     let svg = lines(LAYOUT, axis.abscissa(), &label, &curves)?;
     let columns: Vec<&str> = panel.lines.iter().map(|[column, _]| &**column).collect();
-    let data = axis.table(series, &columns);
+    let data = match run.stage() {
+        RunStage::Shear => FigureData::Series,
+        _ => FigureData::Own(axis.table(series, &columns)),
+    };
     let caption = panel.caption.replace("{top}", run.boundary().driven);
     Some(ReportFigure::new(&panel.name, caption, svg, data))
 }

@@ -1,13 +1,12 @@
 //! Figures of a protocol that imposes more than velocities along x: the stresses over time, loops
 //! of stress and strain, and the path of the two stresses.
 
-use gshear_store::csv_table::Table;
 use gshear_store::run_reader::RunFile;
 
-use super::ReportFigure;
 use super::curves::{Abscissa, lines, percent_of};
 use super::plot::Layout;
 use super::ticks;
+use super::{FigureData, ReportFigure};
 
 const WIDE: Layout = Layout::new([900.0, 320.0], 84.0);
 const SQUARE: Layout = Layout::new([640.0, 480.0], 84.0);
@@ -35,14 +34,6 @@ pub fn figures(run: &RunFile) -> Vec<ReportFigure> {
     let [normal, imposed_normal, shear, imposed_shear] =
         pascal.map(|values| -> Vec<f64> { values.iter().map(|x| factor * x).collect() });
     let strain = series.column("strain");
-    let data = Table::of(0..series.rows())
-        .column("step", |row| series.step[*row])
-        .column("time", |row| series.time[*row])
-        .column("strain", |row| strain[*row])
-        .columns(STRESSES.map(|(column, _)| column), |row| {
-            STRESSES.map(|(column, _)| series.column(column)[*row])
-        })
-        .csv();
     // A step without a load: its normal motion is imposed.
     let holds_volume = imposed_normal.iter().any(|load| load.is_nan());
     let shear_label = format!("shear stress ({unit})");
@@ -87,7 +78,7 @@ pub fn figures(run: &RunFile) -> Vec<ReportFigure> {
         ),
     ];
     let figures = figures.into_iter().filter_map(|(name, caption, svg)| {
-        Some(ReportFigure::new(name, caption, svg?, data.clone()))
+        Some(ReportFigure::new(name, caption, svg?, FigureData::Series))
     });
     figures.collect()
 }

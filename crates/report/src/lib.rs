@@ -13,7 +13,8 @@
 //!
 //! let run = RunFile::open("out/plane-shear-2d".as_ref())?;
 //! let sources = gshear_report::Sources::of(&RunCondition::Finished);
-//! let page = gshear_report::write(&run, &sources, &run.folder().join("report"))?;
+//! let formats = [gshear_report::drawing::Format::Svg];
+//! let page = gshear_report::write(&run, &sources, &formats, &run.folder().join("report"))?;
 //! println!("open {}", page.display());
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
@@ -47,6 +48,7 @@ pub mod ticks;
 
 use std::path::{Path, PathBuf};
 
+use self::drawing::Format;
 use self::history::Axis;
 use self::map::Map;
 use self::page::Page;
@@ -54,27 +56,76 @@ use self::summary::{DropFrames, EventFrames, Summary};
 pub use self::summary::{drop_without_frames, shows_drops};
 use gshear_dem::failure::Result;
 use gshear_dem::state::GrainConstants;
+use gshear_store::csv_table::Table;
+use gshear_store::file_names::LOG_FILE;
 use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::status::RunCondition;
 use gshear_store::{dictionary, text_writer};
 
-/// A figure of the report: name of its files, caption in HTML, SVG, and its data as CSV.
+/// A figure of the report: name of its files, caption in HTML, SVG, and its data.
 struct ReportFigure {
     name: String,
     caption: String,
     svg: String,
-    data: String,
+    data: FigureData,
+}
+
+/// Where the numbers of a figure are.
+enum FigureData {
+    /// In a table of its own: CSV.
+    Own(String),
+    /// In the time series of the run.
+    Series,
+}
+
+impl From<String> for FigureData {
+    fn from(csv: String) -> Self {
+        Self::Own(csv)
+    }
 }
 
 impl ReportFigure {
-    fn new(name: impl Into<String>, caption: impl Into<String>, svg: String, data: String) -> Self {
+    fn new(
+        name: impl Into<String>,
+        caption: impl Into<String>,
+        svg: String,
+        data: impl Into<FigureData>,
+    ) -> Self {
         Self {
             name: name.into(),
             caption: caption.into(),
             svg,
-            data,
+            data: data.into(),
         }
     }
+
+    /// The address of the file of its numbers from the page. `series`: that of the time series.
+    fn data_file(&self, series: &str) -> String {
+        match self.data {
+            FigureData::Own(_) => format!("{}.csv", self.name),
+            FigureData::Series => series.into(),
+        }
+    }
+}
+
+/// The time series beside the page, unless the run has it as text.
+const SERIES: &str = "series.csv";
+
+/// The address of the time series of a run from a page in `folder`: `log.csv` of the run, or
+/// [`SERIES`], which is written if it is not there.
+fn series_of(run: &RunFile, folder: &Path) -> Result<String> {
+    if folder.parent() == Some(run.folder()) && run.folder().join(LOG_FILE).is_file() {
+        return Ok(format!("../{LOG_FILE}"));
+    }
+    let series = run.series();
+    let table = Table::of(0..series.rows())
+        .column("step", |row| series.step[*row])
+        .column("time", |row| series.time[*row])
+        .columns(series.declared.iter().map(|column| column.name), |&row| {
+            series.columns.iter().map(move |column| column[row])
+        });
+    dictionary::write_figure_data(&folder.join(SERIES), &table.csv(), run.dimension().axes())?;
+    Ok(SERIES.into())
 }
 
 /// What the report of a run is made of besides its file.
@@ -113,12 +164,17 @@ pub struct Rearranging<'a> {
     pub shown: &'a RunFile,
 }
 
-/// Writes the report into `folder`, which is created if missing: `index.html`, the figures as SVG
-/// with their data as CSV, and `summary.json`. Returns the path of the page.
+/// Writes the report into `folder`, which is created if missing: `index.html`, the figures as
+/// files of these formats, their data as CSV unless the run has them, and `summary.json`. Returns the path of the page.
 ///
 /// # Errors
 /// If the run is damaged or a file cannot be written.
-pub fn write(run: &RunFile, sources: &Sources<'_>, folder: &Path) -> Result<PathBuf> {
+pub fn write(
+    run: &RunFile,
+    sources: &Sources<'_>,
+    formats: &[Format],
+    folder: &Path,
+) -> Result<PathBuf> {
     let summary = Summary::of(run, sources)?;
     let mut facts = page::facts(run, &summary, sources.condition);
     facts.extend(sources.rate_state.map(|page| {
@@ -134,11 +190,13 @@ pub fn write(run: &RunFile, sources: &Sources<'_>, folder: &Path) -> Result<Path
         condition: sources.condition,
         facts,
         figures: &figures,
+        series: &series_of(run, folder)?,
+        formats,
         note: page::note_on_maps(run, &summary),
     };
     let page = page::html(run, page);
     write_numbers(&summary.json(run), folder)?;
-    write_files(run.dimension().axes(), &figures, &page, folder)
+    write_files(run.dimension().axes(), &figures, formats, &page, folder)
 }
 
 /// Writes the report of strain steps, as [`write()`]. `files`: of the strain steps and of Newton's
@@ -154,6 +212,7 @@ pub fn write_box(
     files: &[&RunFile],
     conditions: &[RunCondition],
     later: Option<RunStage>,
+    formats: &[Format],
     folder: &Path,
 ) -> Result<PathBuf> {
     let run = files[0];
@@ -175,22 +234,25 @@ pub fn write_box(
         condition: unfinished.unwrap_or(&RunCondition::Finished),
         facts,
         figures: &figures,
+        series: SERIES,
+        formats,
         note: "",
     };
     let page = page::html(run, page);
     write_numbers(&boxes::json(files), folder)?;
-    write_files(run.dimension().axes(), &figures, &page, folder)
+    write_files(run.dimension().axes(), &figures, formats, &page, folder)
 }
 
 fn write_numbers(summary: &serde_json::Value, folder: &Path) -> Result<()> {
     text_writer::write(&folder.join("summary.json"), format!("{summary:#}\n"))
 }
 
-/// Writes the figures with their data, and last the page, so that it never refers to missing
+/// Writes the figures with data of their own, and last the page, so that it never refers to missing
 /// figures.
 fn write_files(
     axes: usize,
     figures: &[ReportFigure],
+    formats: &[Format],
     page: &str,
     folder: &Path,
 ) -> Result<PathBuf> {
@@ -199,9 +261,11 @@ fn write_files(
         (path, &*figure.svg)
     });
     let drawn: Vec<_> = drawn.collect();
-    drawing::write_all(&drawn)?;
+    drawing::write_all(&drawn, formats)?;
     for ((path, _), figure) in drawn.iter().zip(figures) {
-        dictionary::write_figure_data(&path.with_extension("csv"), &figure.data, axes)?;
+        if let FigureData::Own(csv) = &figure.data {
+            dictionary::write_figure_data(&path.with_extension("csv"), csv, axes)?;
+        }
     }
     let path = folder.join("index.html");
     text_writer::write(&path, page)?;
@@ -212,7 +276,6 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
     let (axis, tau) = (Axis::of(run), summary::stress_ratio(run));
     let tau = &tau[..];
     let phases = &summary.phases;
-    let data = axis.table(run.series(), &["stress_ratio"]);
     let caption = if phases.is_empty() {
         "Shear stress ratio over the whole run.".into()
     } else {
@@ -223,7 +286,7 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
         )
     };
     let svg = stress_ratio::whole(&axis, tau, phases, summary.drop.as_ref());
-    let whole = ReportFigure::new("stress-strain", caption, svg, data.clone());
+    let whole = ReportFigure::new("stress-strain", caption, svg, FigureData::Series);
     let mut figures = vec![whole];
     let event = summary.event.as_ref();
     let shown = event.map(|event| event.drop).or(summary.drop);
@@ -248,6 +311,7 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
             tau[drop.end]
         );
         let svg = stress_ratio::around(&axis, tau, phases, drop, frames);
+        let data = FigureData::Series;
         figures.push(ReportFigure::new("largest-drop", caption, svg, data));
     }
     if summary::has_phases(run, phases) {

@@ -1,6 +1,7 @@
 //! The HTML page of a run's report: one self-contained file.
 
 use super::ReportFigure;
+use super::drawing::Format;
 use super::summary::{self, Summary, is_imposed, latter_half};
 use super::text::escape;
 use gshear_analysis::moments::extent;
@@ -22,6 +23,10 @@ pub(crate) struct Page<'a> {
     pub facts: Facts,
     /// The figures.
     pub figures: &'a [ReportFigure],
+    /// Address of the time series from the page.
+    pub series: &'a str,
+    /// Formats of the files of figures.
+    pub formats: &'a [Format],
     /// HTML after the figures.
     pub note: &'a str,
 }
@@ -33,6 +38,8 @@ pub fn html(run: &RunFile, page: Page<'_>) -> String {
         condition,
         facts,
         figures,
+        series,
+        formats,
         note,
     } = page;
     let title = escape(&title(run));
@@ -43,13 +50,20 @@ pub fn html(run: &RunFile, page: Page<'_>) -> String {
             escape(&other.to_string())
         ),
     };
-    let body = self::figures(figures);
+    let drawn = self::figures(figures, series, formats);
     let parameters = run.parameters().iter().filter(|(name, _)| *name != "scene");
     let parameters = parameters.map(|(name, value)| (escape(name), escape(&value.to_string())));
     let body = format!(
-        "{}<h2>Figures</h2>\n{body}{note}<h2>Parameters</h2>\n{}\
-         <details><summary>Scene with all defaults filled in</summary>\n<pre>{}</pre></details>\n",
+        "{}{}<h2 id=\"figures\">Figures</h2>\n{drawn}{note}<h2 id=\"parameters\">Parameters</h2>\n{}\
+         <details id=\"scene\"><summary>Scene with all defaults filled in</summary>\n<pre>{}</pre></details>\n",
         table(facts.into_iter().map(|(name, value)| (name.into(), value))),
+        contents(
+            figures,
+            &[
+                ("parameters", "Parameters"),
+                ("scene", "Scene with all defaults filled in")
+            ]
+        ),
         table(parameters),
         escape(run.scene())
     );
@@ -101,11 +115,31 @@ pub(crate) fn document(title: &str, lead: &str, body: &str) -> String {
     )
 }
 
-/// Returns a figure with its drawing in the page, and links to its files beside the page; the
-/// caption is HTML. `data`: the file of its numbers.
-pub fn figure(name: &str, caption: &str, data: &str, svg: &str) -> String {
-    let files = [data.into(), format!("{name}.pdf"), format!("{name}.png")];
-    let links = files.map(|file| format!("<a href=\"{file}\">{file}</a>"));
+/// Returns a list of the figures, and of sections after them (id and title), with links.
+pub(crate) fn contents(figures: &[ReportFigure], sections: &[(&str, &str)]) -> String {
+    let figures = figures.iter().map(|figure| {
+        let words = figure.name.replace('-', " ").replace("dmin", "D²min");
+        entry(&figure.name, &escape(&words))
+    });
+    let sections = sections.iter().map(|(id, title)| entry(id, title));
+    let entries: String = figures.chain(sections).collect();
+    format!("<nav>\n<h2>Contents</h2>\n<ol>\n{entries}</ol>\n</nav>\n")
+}
+
+fn entry(id: &str, text: &str) -> String {
+    format!("<li><a href=\"#{id}\">{text}</a></li>\n")
+}
+
+/// Returns a figure with its drawing in the page, and links to its files; the caption is HTML.
+/// `data`: the file of its numbers.
+pub fn figure(name: &str, caption: &str, data: &str, svg: &str, formats: &[Format]) -> String {
+    let files = formats
+        .iter()
+        .map(|format| format!("{name}.{}", format.ending()));
+    let files = std::iter::once(data.to_string()).chain(files);
+    let links: Vec<String> = files
+        .map(|file| format!("<a href=\"{file}\">{file}</a>"))
+        .collect();
     let described = format!("<svg role=\"img\" aria-label=\"{}\" ", alternative(caption));
     format!(
         "<figure id=\"{name}\">\n{}<figcaption>{caption} {}</figcaption>\n</figure>\n",
@@ -114,11 +148,12 @@ pub fn figure(name: &str, caption: &str, data: &str, svg: &str) -> String {
     )
 }
 
-/// Returns the figures of a report, each with the file of its numbers.
-pub fn figures(figures: &[ReportFigure]) -> String {
+/// Returns the figures of a report, each with the file of its numbers. `series`: that of the time
+/// series.
+pub fn figures(figures: &[ReportFigure], series: &str, formats: &[Format]) -> String {
     let figures = figures.iter().map(|shown| {
-        let data = format!("{}.csv", shown.name);
-        figure(&shown.name, &shown.caption, &data, &shown.svg)
+        let data = shown.data_file(series);
+        figure(&shown.name, &shown.caption, &data, &shown.svg, formats)
     });
     figures.collect()
 }

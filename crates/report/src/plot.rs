@@ -107,7 +107,14 @@ pub fn figure(layout: Layout, x: [f64; 2], y: [f64; 2], draw: impl FnOnce(&mut P
          stroke-linejoin=\"round\" stroke-linecap=\"round\"{readings}>",
         size[0], size[1]
     );
-    header + &typeset(body)
+    header + &without_defaults(&typeset(body))
+}
+
+/// The SVG without attributes that say what holds without them: a third of a map.
+fn without_defaults(svg: &str) -> String {
+    svg.replace(" opacity=\"1\"", "")
+        .replace(" stroke=\"none\" stroke-width=\"1\"", "")
+        .replace(" stroke=\"none\"", "")
 }
 
 /// Takes the outcome of drawing into the string.

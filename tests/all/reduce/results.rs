@@ -349,8 +349,13 @@ pub fn assert_well_formed(xml: &str, file: &Path) {
 
 /// Makes a report and returns the names of its files, each of them checked.
 fn report_of(fixture: &Fixture) -> (Vec<String>, serde_json::Value, String) {
+    report_with(fixture, &[])
+}
+
+/// [`report_of`] with options.
+fn report_with(fixture: &Fixture, options: &[&str]) -> (Vec<String>, serde_json::Value, String) {
     let (folder, path) = folder_with(fixture);
-    done(&["report", &path]);
+    done(&[&["report", &path], options].concat());
     let entries = std::fs::read_dir(folder.path().join("report")).expect("the report");
     let mut files: Vec<PathBuf> = entries
         .map(|entry| entry.expect("an entry").path())
@@ -393,19 +398,29 @@ fn a_report_has_every_figure_and_needs_nothing_else() {
         "stress-strain",
         "velocity-profile",
     ] {
-        for end in ["svg", "csv"] {
-            let name = format!("{figure}.{end}");
-            assert!(names.contains(&name), "{name} is not in {names:?}");
-        }
+        let name = format!("{figure}.svg");
+        assert!(names.contains(&name), "{name} is not in {names:?}");
+        assert!(
+            page.contains(&format!("<li><a href=\"#{figure}\">")),
+            "{figure}"
+        );
         assert!(page.contains(&format!(
             "<figure id=\"{figure}\">\n<svg role=\"img\" aria-label=\""
         )));
     }
     let ends_with = |end: &str| names.iter().filter(|name| name.ends_with(end)).count();
     let figures = page.matches("<svg ").count();
-    assert_eq!([ends_with(".svg"), ends_with(".csv")], [figures; 2]);
-    assert_eq!(ends_with(".csv-metadata.json"), figures);
-    assert_eq!(ends_with(".json") + ends_with(".html"), figures + 2);
+    assert_eq!([".svg", ".pdf", ".png"].map(ends_with), [figures, 0, 0]);
+    assert_eq!(ends_with(".csv-metadata.json"), ends_with(".csv"));
+    assert_eq!(
+        ends_with(".json") + ends_with(".html"),
+        ends_with(".csv") + 2
+    );
+    // The numbers of figures of the time series are in one table, once.
+    let captions = page.split("<figcaption>").skip(1);
+    let of_series = captions.filter(|caption| caption.contains("href=\"series.csv\""));
+    assert_eq!(of_series.count() + ends_with(".csv") - 1, figures);
+    assert!(names.contains(&"series.csv".into()) && !names.contains(&"dilation.csv".into()));
     assert!(page.contains("Made up &lt;for&gt; tests &amp; nothing else"));
     // The name of SVG is no address.
     let links = page.replace("\"http://www.w3.org/2000/svg\"", "");
@@ -417,16 +432,13 @@ fn a_report_has_every_figure_and_needs_nothing_else() {
         .split("href=\"")
         .skip(1)
         .filter_map(|of| of.split('"').next());
-    let mut links: Vec<&str> = links.collect();
-    assert!(
-        links
-            .iter()
-            .all(|link| names.iter().any(|name| name == link))
-    );
-    links.sort_unstable();
-    links.dedup();
-    let ends = |end: &str| links.iter().filter(|link| link.ends_with(end)).count();
-    assert_eq!([".csv", ".pdf", ".png"].map(ends), [figures; 3]);
+    for link in links {
+        let is_there = match link.strip_prefix('#') {
+            Some(id) => page.contains(&format!(" id=\"{id}\"")),
+            None => names.iter().any(|name| name == link),
+        };
+        assert!(is_there, "{link}");
+    }
     assert_eq!(summary["digest"], "00c0ffee00c0ffee");
     assert_eq!(summary["grains"], 192);
     let [earlier, later] = [0, 1].map(|k| summary["maps"]["steps"][k].as_u64().expect("a step"));
@@ -601,6 +613,22 @@ fn what_has_become_of_a_run_is_said_alike() {
         );
         assert!(page.contains(&format!("<tr><th>State</th><td>{escaped}</td></tr>")));
     }
+}
+
+#[test]
+fn figures_have_the_formats_that_are_asked_for() {
+    let fixture = Fixture::sheared(16, 12, 20);
+    let (names, _, page) = report_with(&fixture, &["--formats", "png,pdf"]);
+    let figures = page.matches("<svg ").count();
+    let ends_with = |end: &str| names.iter().filter(|name| name.ends_with(end)).count();
+    assert_eq!(
+        [".svg", ".pdf", ".png"].map(ends_with),
+        [0, figures, figures]
+    );
+    assert!(page.contains("<a href=\"dmin.png\">dmin.png</a>, <a href=\"dmin.pdf\">"));
+    let (_folder, path) = folder_with(&fixture);
+    let said = refused(&["report", &path, "--formats", "svg,jpg"]);
+    assert!(said.contains("must be svg, pdf or png"), "{said}");
 }
 
 #[test]

@@ -17,6 +17,7 @@ use gshear_analysis::rate_state::{
     SliderRecord, Stack, fit_all, jackknife, merge, modelled, peak_growth, relaxations, stacks,
 };
 use gshear_dem::failure::{Failure, Result};
+use gshear_report::drawing::Format;
 use gshear_report::{drawing, rate_state as figures};
 use gshear_store::run_reader::RunFile;
 use gshear_store::{dictionary, text_writer};
@@ -57,6 +58,14 @@ pub struct Arguments {
     /// the fit]
     #[arg(long, value_name = "A", value_parser = super::positive)]
     direct_effect: Option<f64>,
+    /// Formats of the files of figures: svg, pdf, png
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "FORMAT,...",
+        default_value = "svg"
+    )]
+    formats: Vec<Format>,
     /// Folder to write into [default: the first run's folder + /rate-state; of a table
     /// NAME-rate-state beside it]
     #[arg(long, value_name = "DIR")]
@@ -91,6 +100,8 @@ pub struct Options {
     /// k̄ (1/m) instead of that of the runs.
     stiffness: Option<f64>,
     direct_effect: Option<f64>,
+    /// Formats of the files of figures.
+    pub formats: Vec<Format>,
 }
 
 impl Arguments {
@@ -124,6 +135,7 @@ impl Arguments {
         let experiment = vec![path.display().to_string()];
         write_reduction(
             reduce(vec![record], &experiment, &options),
+            &options.formats,
             &folder,
             printer,
         )
@@ -159,6 +171,7 @@ impl Arguments {
             form,
             stiffness,
             direct_effect: self.direct_effect,
+            formats: self.formats.clone(),
         })
     }
 }
@@ -210,7 +223,7 @@ struct Reduction {
 }
 
 /// Reduces runs, which are realisations of one or several protocols, and writes tables, numbers and
-/// figures into `folder`. If a law cannot be fitted, the tables give the reason.
+/// figures into a folder. If a law cannot be fitted, the tables give the reason.
 ///
 /// # Errors
 /// Runs that are not spring-slider tests, a run given twice, files that cannot be written.
@@ -229,19 +242,24 @@ pub fn write(
     }
     let names = runs.iter().map(|run| run.path().display().to_string());
     let reduction = reduce(records, &names.collect::<Vec<_>>(), options);
-    write_reduction(reduction, folder, printer)
+    write_reduction(reduction, &options.formats, folder, printer)
 }
 
-fn write_reduction(reduction: Reduction, folder: &Path, printer: &mut Printer) -> Result<()> {
+fn write_reduction(
+    reduction: Reduction,
+    formats: &[Format],
+    folder: &Path,
+    printer: &mut Printer,
+) -> Result<()> {
     let tables = tables::tables(&reduction);
     for (name, csv) in &tables {
         dictionary::write_table(&folder.join(name), csv, 3)?;
     }
     let drawn = figures::all(&reduction.views(), reduction.fitted[0].best());
     let place = folder.display().to_string();
-    let page = figures::page(&drawn, &page_rows(&reduction), &place);
+    let page = figures::page(&drawn, &page_rows(&reduction), formats, &place);
     let figures = drawn.iter().map(|(name, svg)| (folder.join(name), &**svg));
-    let written = drawing::write_all(&figures.collect::<Vec<_>>())?;
+    let written = drawing::write_all(&figures.collect::<Vec<_>>(), formats)?;
     let json = format!("{:#}\n", tables::json(&reduction));
     text_writer::write(&folder.join("rate-state.json"), json)?;
     text_writer::write(&folder.join("index.html"), page)?;

@@ -13,6 +13,7 @@ use gshear_dem::failure::{Failure, Result};
 use gshear_driver::estimate::bytes;
 use gshear_driver::progress::duration;
 use gshear_driver::stored_run::condition;
+use gshear_report::drawing::Format;
 use gshear_report::{Rearranging, Sources};
 use gshear_store::file_names::folder_of;
 use gshear_store::part;
@@ -20,10 +21,13 @@ use gshear_store::run_reader::{RunFile, RunStage};
 
 /// Write a report: index.html with all figures, each as SVG with its data as CSV, summary.json
 ///
+/// The data of figures of the time series are in log.csv of the run. --formats svg,pdf,png writes
+/// the figures in other formats as well, for papers and slides.
+///
 /// Of disks between walls the maps show the states right before and after the largest drop of τ,
 /// and the greatest D²min. Unless frames show them, these parts are computed again from the
 /// checkpoint before them (output.keep_checkpoints), with a frame per row, if that takes less than
-/// two minutes and 1 GB. The page of quasi-static strain shows what it and Newton's equations have
+/// two minutes and 1 GB; --replay makes longer ones as well and keeps their files. The page of quasi-static strain shows what it and Newton's equations have
 /// measured. Of a run with both, the first stage has the first page, with a link to the other.
 ///
 /// Several runs, or the folder of a sweep, are compared: their curves over each other, and means
@@ -46,7 +50,16 @@ pub struct Arguments {
     /// Share of the rows of each run, from the first on, that means leave out [default: 0.5]
     #[arg(long, value_name = "SHARE", value_parser = share)]
     start: Option<f64>,
-    /// Compute parts of the run again, however long it takes
+    /// Formats of the files of figures: svg, pdf, png
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "FORMAT,...",
+        default_value = "svg"
+    )]
+    formats: Vec<Format>,
+    /// Compute parts of the run again, however long it takes, and keep the folders replay and
+    /// replay-dmin with them
     #[arg(long)]
     replay: bool,
     /// Compute no part of the run again: show the nearest frames
@@ -88,6 +101,10 @@ impl Arguments {
             _ => Choice::Short,
         };
         let again = Replays { choice, threads };
+        let pages = Pages {
+            again: &again,
+            formats: &self.formats,
+        };
         // A later stage has a page of its own; Newton's equations are on that of the strain steps.
         let mut later = None;
         let is_whole = part::file_of(first) == *first;
@@ -97,11 +114,11 @@ impl Arguments {
                 && let Some(file) = run.part(stage)?
             {
                 let folder = folder.join(stage.name());
-                page_of(&file, None, &folder, &again, printer)?;
+                pages.of(&file, None, &folder, printer)?;
                 later = Some(stage);
             }
         }
-        let page = page_of(&run, later, &folder, &again, printer)?;
+        let page = pages.of(&run, later, &folder, printer)?;
         printer.wrote(&page)
     }
 
@@ -114,74 +131,99 @@ impl Arguments {
     }
 }
 
-/// The page of a stage. `later`: a stage after it whose page is in a folder of its name.
-fn page_of(
-    run: &RunFile,
-    later: Option<RunStage>,
-    folder: &Path,
-    again: &Replays,
-    printer: &mut Printer,
-) -> Result<PathBuf> {
-    match run.stage() {
-        RunStage::Shear => of_shear(run, later, folder, again, printer),
-        RunStage::Strain | RunStage::Newtonian => of_strain(run, later, folder),
-    }
+/// How the pages of a run are made.
+struct Pages<'a> {
+    again: &'a Replays,
+    formats: &'a [Format],
 }
 
-/// The page of strain steps and of Newton's equations after them.
-fn of_strain(run: &RunFile, later: Option<RunStage>, folder: &Path) -> Result<PathBuf> {
-    let moving = match run.stage() {
-        RunStage::Strain => run.part(RunStage::Newtonian)?,
-        _ => None,
-    };
-    let files: Vec<&RunFile> = [run].into_iter().chain(&moving).collect();
-    let conditions: Vec<_> = files.iter().map(|file| condition(file)).collect();
-    gshear_report::write_box(&files, &conditions, later, folder)
-}
-
-/// The page of a shear. Velocity steps and holds under a spring are reduced into
-/// `folder`/rate-state.
-fn of_shear(
-    run: &RunFile,
-    later: Option<RunStage>,
-    folder: &Path,
-    again: &Replays,
-    printer: &mut Printer,
-) -> Result<PathBuf> {
-    let mut drop = None;
-    if let Some(steps) = gshear_report::drop_without_frames(run) {
-        let out = folder.join("replay");
-        drop = again.replayed(run, "the largest drop", steps, &out, printer)?;
-    }
-    let (mut rearranging, mut finer) = (None, None);
-    if gshear_report::shows_drops(run) {
-        rearranging = interval_of_greatest_dmin(run)?;
-        if let Some(steps) = rearranging
-            && has_rows_within(run, steps)
-        {
-            let out = folder.join("replay-dmin");
-            finer = again.replayed(run, "the greatest D²min", steps, &out, printer)?;
+impl Pages<'_> {
+    /// The page of a stage. `later`: a stage after it whose page is in a folder of its name.
+    fn of(
+        &self,
+        run: &RunFile,
+        later: Option<RunStage>,
+        folder: &Path,
+        printer: &mut Printer,
+    ) -> Result<PathBuf> {
+        match run.stage() {
+            RunStage::Shear => self.of_shear(run, later, folder, printer),
+            RunStage::Strain | RunStage::Newtonian => self.of_strain(run, later, folder),
         }
     }
-    let mut rate_state = None;
-    if rate_state::is_test(run) {
-        let (runs, silent) = (std::slice::from_ref(run), &mut std::io::sink());
-        let into = folder.join("rate-state");
-        let options = rate_state::Options::default();
-        rate_state::write(runs, &options, &into, &mut Printer::new(silent))?;
-        rate_state = Some("rate-state/index.html");
+
+    /// The page of strain steps and of Newton's equations after them.
+    fn of_strain(&self, run: &RunFile, later: Option<RunStage>, folder: &Path) -> Result<PathBuf> {
+        let moving = match run.stage() {
+            RunStage::Strain => run.part(RunStage::Newtonian)?,
+            _ => None,
+        };
+        let files: Vec<&RunFile> = [run].into_iter().chain(&moving).collect();
+        let conditions: Vec<_> = files.iter().map(|file| condition(file)).collect();
+        gshear_report::write_box(&files, &conditions, later, self.formats, folder)
     }
-    let sources = Sources {
-        condition: &condition(run),
-        drop: drop.as_ref(),
-        rearranging: rearranging.map(|steps| Rearranging {
-            steps,
-            shown: finer.as_ref().unwrap_or(run),
-        }),
-        rate_state,
-        later,
-    };
-    gshear_report::write(run, &sources, folder)
+
+    /// The page of a shear. Velocity steps and holds under a spring are reduced into
+    /// `folder`/rate-state.
+    fn of_shear(
+        &self,
+        run: &RunFile,
+        later: Option<RunStage>,
+        folder: &Path,
+        printer: &mut Printer,
+    ) -> Result<PathBuf> {
+        let [of_drop, of_dmin] = ["replay", "replay-dmin"].map(|name| folder.join(name));
+        let mut drop = None;
+        if let Some(steps) = gshear_report::drop_without_frames(run) {
+            drop = (self.again).replayed(run, "the largest drop", steps, &of_drop, printer)?;
+        }
+        let (mut rearranging, mut finer) = (None, None);
+        if gshear_report::shows_drops(run) {
+            rearranging = interval_of_greatest_dmin(run)?;
+            if let Some(steps) = rearranging
+                && has_rows_within(run, steps)
+            {
+                let what = "the greatest D²min";
+                finer = self.again.replayed(run, what, steps, &of_dmin, printer)?;
+            }
+        }
+        let mut rate_state = None;
+        if rate_state::is_test(run) {
+            let (runs, silent) = (std::slice::from_ref(run), &mut std::io::sink());
+            let into = folder.join("rate-state");
+            let options = rate_state::Options {
+                formats: self.formats.to_vec(),
+                ..rate_state::Options::default()
+            };
+            rate_state::write(runs, &options, &into, &mut Printer::new(silent))?;
+            rate_state = Some("rate-state/index.html");
+        }
+        let sources = Sources {
+            condition: &condition(run),
+            drop: drop.as_ref(),
+            rearranging: rearranging.map(|steps| Rearranging {
+                steps,
+                shown: finer.as_ref().unwrap_or(run),
+            }),
+            rate_state,
+            later,
+        };
+        let page = gshear_report::write(run, &sources, self.formats, folder)?;
+        let replays = [(drop, of_drop), (finer, of_dmin)];
+        let made = replays.into_iter().filter(|(replay, _)| replay.is_some());
+        // Closed before they are removed.
+        let made: Vec<PathBuf> = made.map(|(_, folder)| folder).collect();
+        if self.again.choice != Choice::All {
+            made.iter().try_for_each(|folder| removed(folder))?;
+        }
+        Ok(page)
+    }
+}
+
+/// Removes the folder of a replay, which is as large as the rest of a report.
+fn removed(folder: &Path) -> Result<()> {
+    std::fs::remove_dir_all(folder)
+        .map_err(|e| Failure::other(format!("{}: cannot be removed: {e}", folder.display())))
 }
 
 /// Whether the time series has rows at both steps and between them.

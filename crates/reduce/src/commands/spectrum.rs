@@ -162,7 +162,7 @@ impl Arguments {
         printer.wrote(&vectors)?;
         let svg = results.place("spectrum.svg")?;
         let figure = eigenvalue_figures::in_the_plane(&spectrum.eigenvalues);
-        drawing::write(&svg, &figure)?;
+        drawing::write(&svg, &figure, &drawing::Format::ALL)?;
         printer.wrote(&svg)
     }
 }

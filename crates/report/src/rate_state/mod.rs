@@ -7,6 +7,7 @@ mod healing;
 use self::curve::{Curve, draw};
 use self::healing::{healing, peak_offset};
 use super::curves::padded;
+use super::drawing::Format;
 use super::ticks;
 use crate::page;
 use crate::text::escape;
@@ -53,7 +54,12 @@ pub fn all(views: &[View], best: Option<&Fit>) -> Vec<(String, String)> {
 
 /// Returns a page with these figures, names and SVG, and a table of names and texts. `place`: where
 /// the tables are.
-pub fn page(figures: &[(String, String)], rows: &[[String; 2]], place: &str) -> String {
+pub fn page(
+    figures: &[(String, String)],
+    rows: &[[String; 2]],
+    formats: &[Format],
+    place: &str,
+) -> String {
     let rows = rows.iter();
     let rows = rows.map(|[name, value]| (escape(name), escape(value)));
     let mut body = page::table(rows) + "<h2>Figures</h2>\n";
@@ -64,7 +70,8 @@ pub fn page(figures: &[(String, String)], rows: &[[String; 2]], place: &str) -> 
             "healing" => "holds.csv",
             _ => "rate-state.csv",
         };
-        body += &page::figure(name, caption.map_or("", |(_, caption)| caption), data, svg);
+        let caption = caption.map_or("", |(_, caption)| caption);
+        body += &page::figure(name, caption, data, svg, formats);
     }
     let lead = format!(
         "Fits with intervals of 95 %. The tables are in {}; gshear-reduce columns explains them.",

@@ -12,9 +12,9 @@ use toml::Value;
 
 use self::marks::{colours, draw_means, key_label, legend, readable, with_error};
 use self::values::{Places, number, order, shown, text, values_of};
-use crate::ReportFigure;
 use crate::boxes::{MOBILISED_FRICTION, Measured};
 use crate::curves::{draw, padded};
+use crate::drawing::Format;
 use crate::history::Axis;
 use crate::page;
 use crate::panels::{Compared, PANELS};
@@ -22,6 +22,7 @@ use crate::plot::{Layout, figure};
 use crate::summary::{finite_moments, stress_ratio};
 use crate::text::{escape, marked};
 use crate::ticks;
+use crate::{ReportFigure, SERIES};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_analysis::moments::{distinct, grouped};
 use gshear_analysis::phases::{self, PhaseStatistics};
@@ -369,7 +370,12 @@ impl<'a> Sweep<'a> {
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn write(&self, heading: &Heading<'_>, folder: &Path) -> Result<[PathBuf; 3]> {
+    pub fn write(
+        &self,
+        heading: &Heading<'_>,
+        formats: &[Format],
+        folder: &Path,
+    ) -> Result<[PathBuf; 3]> {
         let groups = self.groups();
         let mut figures = Vec::new();
         for column in &self.columns {
@@ -379,8 +385,8 @@ impl<'a> Sweep<'a> {
         let [runs, means] = [RUNS, MEANS].map(|name| folder.join(name));
         dictionary::write_table(&runs, &self.table_of_runs(), self.axes())?;
         dictionary::write_table(&means, &self.table_of_means(&self.columns), self.axes())?;
-        let page = self.page(heading, &groups, &figures);
-        let page = crate::write_files(self.axes(), &figures, &page, folder)?;
+        let page = self.page(heading, &groups, &figures, formats);
+        let page = crate::write_files(self.axes(), &figures, formats, &page, folder)?;
         Ok([runs, means, page])
     }
 
@@ -389,6 +395,7 @@ impl<'a> Sweep<'a> {
         heading: &Heading<'_>,
         groups: &[Group<'_>],
         figures: &[ReportFigure],
+        formats: &[Format],
     ) -> String {
         let lead = format!(
             "{} runs of gshear-mpi side by side. Means are over the rows of a run from {} % on (of a ratio \
@@ -409,9 +416,10 @@ impl<'a> Sweep<'a> {
         let head: String = head.collect();
         let rows: String = groups.iter().map(|group| self.row(group)).collect();
         let body = format!(
-            "{skipped}<h2>Means</h2>\n<div class=\"wide\"><table>\n<tr>{head}</tr>\n{rows}</table></div>\n\
+            "{skipped}{}<h2>Means</h2>\n<div class=\"wide\"><table>\n<tr>{head}</tr>\n{rows}</table></div>\n\
              <h2>Figures</h2>\n{}",
-            page::figures(figures)
+            page::contents(figures, &[]),
+            page::figures(figures, SERIES, formats)
         );
         page::document(&escape(heading.title), &lead, &body)
     }
