@@ -164,8 +164,9 @@ pub struct Rearranging<'a> {
     pub shown: &'a RunFile,
 }
 
-/// Writes the report into `folder`, which is created if missing: `index.html`, the figures as
-/// files of these formats, their data as CSV unless the run has them, and `summary.json`. Returns the path of the page.
+/// Writes the report into `folder`, which is created if missing: `index.html`, the figures as files
+/// of these formats, their data as CSV unless the run has them, and `summary.json`. Returns the
+/// path of the page.
 ///
 /// # Errors
 /// If the run is damaged or a file cannot be written.

@@ -27,8 +27,9 @@ use gshear_store::run_reader::{RunFile, RunStage};
 /// Of disks between walls the maps show the states right before and after the largest drop of τ,
 /// and the greatest D²min. Unless frames show them, these parts are computed again from the
 /// checkpoint before them (output.keep_checkpoints), with a frame per row, if that takes less than
-/// two minutes and 1 GB; --replay makes longer ones as well and keeps their files. The page of quasi-static strain shows what it and Newton's equations have
-/// measured. Of a run with both, the first stage has the first page, with a link to the other.
+/// two minutes and 1 GB; --replay makes longer ones as well and keeps their files. The page of
+/// quasi-static strain shows what it and Newton's equations have measured. Of a run with both, the
+/// first stage has the first page, with a link to the other.
 ///
 /// Several runs, or the folder of a sweep, are compared: their curves over each other, and means
 /// with standard errors over seeds against the keys in which their scenes differ. Writes means.csv,
