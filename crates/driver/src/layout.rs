@@ -106,6 +106,11 @@ impl SampleSize {
         }
     }
 
+    /// Time of a step (s) of one thread.
+    fn alone(&self) -> f64 {
+        self.grains * CONSTANTS[self.axes - 2].grain
+    }
+
     /// Time of a step (s); `None` if the slabs are too narrow.
     pub fn step(&self, layout: Layout) -> Option<f64> {
         let c = &CONSTANTS[self.axes - 2];
@@ -213,12 +218,7 @@ pub fn print_layouts(exchange: &dyn Parallel, scene: &Scene, cores: Cores) -> Re
             cores.nodes
         )));
     }
-    let of_one = Layout {
-        ranks: 1,
-        threads: 1,
-    };
-    let alone = size.step(of_one).expect("a slab of all grains");
-    let ideal = alone / (cores.nodes * cores.of_node) as f64;
+    let ideal = size.alone() / (cores.nodes * cores.of_node) as f64;
     let mut text = String::from("ranks,threads,step_s,efficiency");
     for (Layout { ranks, threads }, step) in layouts {
         text += &format!("\n{ranks},{threads},{step:.3e},{:.3}", ideal / step);
@@ -305,8 +305,10 @@ mod tests {
     /// Without ranks and threads a step is the time of its grains.
     #[test]
     fn a_step_of_one_thread_has_its_grains_alone() {
-        assert_eq!(DISKS.step(layout(1, 1)), Some(1e6 * 14e-9));
-        assert_eq!(SPHERES.step(layout(1, 1)), Some(1e6 * 30.9e-9));
+        for (size, time) in [(DISKS, 1e6 * 14e-9), (SPHERES, 1e6 * 30.9e-9)] {
+            assert_eq!(size.step(layout(1, 1)), Some(time));
+            assert_eq!(size.alone(), time);
+        }
     }
 
     #[test]

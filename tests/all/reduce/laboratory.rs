@@ -69,7 +69,9 @@ fn json(folder: &Path) -> Value {
 fn columns_and_units_are_those_that_are_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    let tables: [(&str, fn([f64; 3]) -> String, &[&str]); 3] = [
+    /// A line of names, what writes a row of time, displacement and friction, and options.
+    type Table<'a> = (&'a str, fn([f64; 3]) -> String, &'a [&'a str]);
+    let tables: [Table<'_>; 3] = [
         (
             "# of a test\nt,lp,mu",
             |[t, x, mu]| format!("{t},{x:e},{mu}"),

@@ -105,8 +105,8 @@ const STILL: f64 = 1e-4;
 /// partitioning, Jackson et al. 2005), first in blocks of rows; then each division moves to its
 /// best row between its neighbours. Divisions at which the velocity differs by less than a tenth,
 /// or the displacement departs from one line by less than five times its noise, are removed, the
-/// least first. A short segment of a velocity between those of its neighbours is taken as the change from
-/// one to the other. A division lies where the lines meet.
+/// least first. A short segment of a velocity between those of its neighbours is taken as the
+/// change from one to the other. A division lies where the lines meet.
 ///
 /// # Errors
 /// Too few rows, or a drive that moves backwards.

@@ -101,7 +101,17 @@ pub struct Options {
     stiffness: Option<f64>,
     direct_effect: Option<f64>,
     /// Formats of the files of figures.
-    pub formats: Vec<Format>,
+    formats: Vec<Format>,
+}
+
+impl Options {
+    /// The defaults, with figures in these formats.
+    pub fn with_formats(formats: Vec<Format>) -> Self {
+        Self {
+            formats,
+            ..Self::default()
+        }
+    }
 }
 
 impl Arguments {

@@ -192,10 +192,7 @@ impl Pages<'_> {
         if rate_state::is_test(run) {
             let (runs, silent) = (std::slice::from_ref(run), &mut std::io::sink());
             let into = folder.join("rate-state");
-            let options = rate_state::Options {
-                formats: self.formats.to_vec(),
-                ..rate_state::Options::default()
-            };
+            let options = rate_state::Options::with_formats(self.formats.to_vec());
             rate_state::write(runs, &options, &into, &mut Printer::new(silent))?;
             rate_state = Some("rate-state/index.html");
         }
