@@ -216,7 +216,7 @@ const BUDGET: f64 = 1.17;
 const WITHOUT_WALLS: f64 = 1.5;
 /// Bytes of frames that one rank gathers and writes in a second, and the time of a row for a grain
 /// (s): as measured on the default scene.
-const FRAMES_PER_SECOND: f64 = 5e7;
+const FRAMES_PER_SECOND: f64 = 6e7;
 const ROW: f64 = 1e-7;
 /// Ranks that write frames so many times as fast as one: more were not measured.
 const WRITERS: usize = 2;
@@ -268,7 +268,6 @@ fn form(scene: &Scene) -> FrameFormat {
     let torques = index(scene) == 1 && scene.contact.resists_rotation();
     FrameFormat {
         removed: scene.removes(),
-        histories: scene.writes_histories(),
         ..FrameFormat::new(scene.dimension.axes(), torques)
     }
 }

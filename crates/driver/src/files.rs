@@ -448,7 +448,6 @@ fn create<D: Dimension>(
         history_unit: layout.history_unit,
         form: FrameFormat {
             removed: scene.removes(),
-            histories: scene.writes_histories() || run.options.replay.is_some(),
             ..FrameFormat::new(D::AXES, layout.has_torques)
         },
         boundary: scene.boundary(),

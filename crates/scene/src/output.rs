@@ -35,9 +35,6 @@ table! {
         /// record the temperatures of the fluctuations in the time series; these columns begin
         /// with a file, so at a resume only in another folder (`--out`)
         temperatures: Flag { default: "false" },
-        /// write the histories of contacts into frames, a quarter of them: `gshear-reduce spectrum`
-        /// and `stability` need them; replays have them all the same
-        histories: Flag { default: "true" },
     }
 }
 
@@ -78,8 +75,6 @@ pub struct Output {
     pub energy: bool,
     /// Whether the temperatures of the fluctuations are recorded.
     pub temperatures: bool,
-    /// Whether frames have the histories of contacts.
-    pub histories: bool,
 }
 
 impl Output {
@@ -132,7 +127,6 @@ pub(crate) fn check(c: &mut Checker<'_>, protocol: bool) -> Output {
         progress_lines: c.count(&keys.progress_lines),
         energy: c.flag_or_default(&keys.energy),
         temperatures: c.flag_or_default(&keys.temperatures),
-        histories: c.flag_or_default(&keys.histories),
     }
 }
 

@@ -89,11 +89,6 @@ impl Scene {
         self.shear().is_some_and(|shear| shear.removes)
     }
 
-    /// Whether frames have the histories of contacts.
-    pub fn writes_histories(&self) -> bool {
-        self.shear().is_none_or(|shear| shear.output.histories)
-    }
-
     /// The shear; messages call the scene `name`.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! A `run.h5` that a resumed run finds: what it holds, whether it can be continued, and its repair.
 
-use super::contact_quantities::{FrameFormat, IDLE, TANGENTIAL_HISTORY, TWISTING};
+use super::contact_quantities::{FrameFormat, IDLE, TWISTING_HISTORY};
 use super::disk;
 use super::h5::{self, Attribute};
 use super::journal::{self, Journal};
@@ -233,7 +233,7 @@ fn continued(
         return Ok(Err("contacts are missing".into()));
     }
     let spin = file.dataset(&format!("{PARTICLES}/angular_velocity/value"))?;
-    let torques = file.link_exists(&contact_dataset(TWISTING));
+    let torques = file.link_exists(&contact_dataset(TWISTING_HISTORY));
     Ok(Ok(Continued {
         grains: grains as u64,
         contacts,
@@ -241,7 +241,6 @@ fn continued(
             axes: spin.ndim(),
             torques,
             idle: file.link_exists(&contact_dataset(IDLE)),
-            histories: file.link_exists(&contact_dataset(TANGENTIAL_HISTORY)),
             removed: file.link_exists(&grain_dataset(&REMOVED.column)),
         },
     }))

@@ -4,7 +4,7 @@ use super::checksums::{self, FRAMES, GROUP, ROWS};
 use super::collective::CollectiveOutcome;
 pub use super::contact_quantities::{FrameFormat, Kind};
 use super::contact_quantities::{TANGENTIAL_HISTORY, flags, numbers, of_contacts};
-use super::h5::{Attribute, Dataset, H5File, Storage};
+use super::h5::{Attribute, Dataset, H5File};
 use super::row_table::RowTable;
 use super::run_header::RunHeader;
 use gshear_analysis::frame_scalars::FrameScalars;
@@ -122,22 +122,19 @@ pub(crate) fn frame_columns(form: FrameFormat) -> Vec<&'static str> {
         .collect()
 }
 
-/// Rows and numbers of a row in a chunk of a dataset of contacts: one component of vectors.
-fn contact_chunk(grains: usize) -> [usize; 2] {
-    let rows = (grains * 32).next_power_of_two();
-    [rows.clamp(CHUNK_ROWS, CHUNK_BYTES / 8), 1]
+/// Entries in a chunk of a dataset of contacts.
+fn contact_chunk(grains: usize) -> usize {
+    (grains * 32)
+        .next_power_of_two()
+        .clamp(CHUNK_ROWS, CHUNK_BYTES / 8)
 }
 
-/// Frames, grains and numbers of a grain in a chunk of a dataset: one component of vectors, which
-/// compresses better than all together, and z of disks to nothing.
-fn grain_chunk(grains: usize) -> [usize; 3] {
-    [chunk_frames(grains), grains.clamp(1, CHUNK_BYTES / 8), 1]
-}
-
-/// Frames in a chunk of a dataset of so many grains: a power of two.
-pub(crate) fn chunk_frames(grains: usize) -> usize {
-    let most = CHUNK_BYTES / (8 * grains.max(1));
-    1 << most.clamp(1, CHUNK_FRAMES).ilog2()
+/// Frames and grains in a chunk of a dataset with `width` numbers per grain.
+fn grain_chunk(grains: usize, width: usize) -> [usize; 2] {
+    let frame = 8 * width * grains;
+    // A power of two, so that a batch of frames fills whole chunks.
+    let frames = 1 << (CHUNK_BYTES / frame).clamp(1, CHUNK_FRAMES).ilog2();
+    [frames, grains.min(CHUNK_BYTES / (8 * width))]
 }
 
 /// Bytes of objects and attributes of a file, about.
@@ -161,37 +158,21 @@ pub struct FileContent {
 }
 
 impl FileContent {
-    /// Bytes of the file: what frames take compressed, whole chunks of every other dataset.
+    /// Bytes of the file: whole chunks of every dataset.
     pub fn bytes(&self) -> f64 {
         let frames = self.frames as f64;
-        let grains = of_grain(self.form).into_iter().map(|quantity| {
-            // z of disks takes nothing.
-            let values = match quantity.width {
-                3 => self.form.axes,
-                width => width,
-            };
-            values as f64 * compressed_bytes(quantity.kind)
-        });
-        let numbers = frames * self.grains as f64 * grains.sum::<f64>();
-        let contact = of_contact(self.form)
-            .into_iter()
-            .map(|quantity| quantity.width as f64 * compressed_bytes(quantity.kind));
-        let contacts = frames * self.contacts * contact.sum::<f64>();
+        let mut numbers = 0.0;
+        for quantity in of_grain(self.form) {
+            let [in_chunk, block] = grain_chunk(self.grains, quantity.width);
+            let entries = whole_chunks(frames, in_chunk) * whole_chunks(self.grains as f64, block);
+            numbers += entries * quantity.bytes() as f64;
+        }
+        let contacts = whole_chunks(frames * self.contacts, contact_chunk(self.grains));
+        let [_, contact] = frame_bytes(self.form);
         // Radius, mass, id, body.
         let constant = 21.0 * self.grains as f64;
         let series = whole_chunks(self.rows as f64, CHUNK_ROWS) * 8.0 * (self.columns + 3) as f64;
-        METADATA_BYTES + constant + numbers + contacts + series
-    }
-}
-
-/// Bytes of a value of a frame in the file, compressed, about (docs/validation/speed.md, "Size and
-/// speed of files").
-fn compressed_bytes(kind: Kind) -> f64 {
-    match kind {
-        Kind::Number => 6.8,
-        Kind::Image => 0.05,
-        Kind::Id => 0.2,
-        Kind::Flag => 0.1,
+        METADATA_BYTES + constant + numbers + contacts * contact as f64 + series
     }
 }
 
@@ -209,9 +190,8 @@ pub fn frame_bytes(form: FrameFormat) -> [usize; 2] {
 
 /// Most frames in a chunk.
 pub(crate) const CHUNK_FRAMES: usize = 64;
-/// Most bytes in a chunk of frames. Those of the three components of a vector fit into HDF5's
-/// cache of 1 MiB, so a reader that takes one frame after the other decompresses each chunk once.
-const CHUNK_BYTES: usize = 256 << 10;
+/// Bytes in a chunk of frames: large enough to write fast, small enough to read one frame.
+const CHUNK_BYTES: usize = 512 << 10;
 /// Entries in a chunk of a dataset with one number per frame or row.
 pub(crate) const CHUNK_ROWS: usize = 1024;
 
@@ -262,13 +242,13 @@ impl Datasets {
                 kind,
             } = quantity;
             place.group(&format!("{PARTICLES}/{column}"))?;
-            let chunk = grain_chunk(count);
+            let [frames, block] = grain_chunk(count, width);
+            let chunk = [frames, block, width];
             let shape = [0, count, width];
             let dimensions = if width == 1 { 2 } else { 3 };
             let name = grain_dataset(&column);
             let (shape, chunk) = (&shape[..dimensions], &chunk[..dimensions]);
-            let storage = Storage::Compressed(chunk);
-            let dataset = place.growing(kind.element(), &name, shape, storage)?;
+            let dataset = place.growing(kind.element(), &name, shape, chunk)?;
             grains.push(place.in_units(dataset, &column)?);
         }
         let (step, time) = (place.step(&first)?, place.time(&first)?);
@@ -282,12 +262,7 @@ impl Datasets {
         } else {
             (&[0, 3], &[CHUNK_ROWS / 8, 3])
         };
-        let edges = place.growing(
-            f64::type_descriptor(),
-            EDGES_VALUE,
-            shape,
-            Storage::Chunks(chunk),
-        )?;
+        let edges = place.growing(f64::type_descriptor(), EDGES_VALUE, shape, chunk)?;
 
         place.group(CONTACTS)?;
         place.link_clock(&first, CONTACTS, true)?;
@@ -298,12 +273,11 @@ impl Datasets {
                 width,
                 kind,
             } = quantity;
-            let chunk = contact_chunk(count);
+            let chunk = [contact_chunk(count).div_ceil(width), width];
             let dimensions = if width == 1 { 1 } else { 2 };
             let (name, shape) = (contact_dataset(column), [0, width]);
             let (shape, chunk) = (&shape[..dimensions], &chunk[..dimensions]);
-            let storage = Storage::Compressed(chunk);
-            let dataset = place.growing(kind.element(), &name, shape, storage)?;
+            let dataset = place.growing(kind.element(), &name, shape, chunk)?;
             if column.name == TANGENTIAL_HISTORY.name {
                 column.unit = header.history_unit;
             }
@@ -326,22 +300,8 @@ impl Datasets {
             offset: place.list::<u64>(&contact_dataset("offset"))?,
             contacts,
             rows: place.table(OBSERVABLES, header.series, true, ROWS)?,
-            frame_sums: place.growing(
-                u64::type_descriptor(),
-                FRAMES,
-                &shape,
-                Storage::Chunks(&chunk),
-            )?,
+            frame_sums: place.growing(u64::type_descriptor(), FRAMES, &shape, &chunk)?,
         })
-    }
-
-    /// Notes that the frames are about to be cut, before a journal that is to be good until then.
-    pub fn announce_cut(&self, frames: u64, contacts: u64) {
-        for (datasets, rows) in [(&self.grains, frames), (&self.contacts, contacts)] {
-            datasets
-                .iter()
-                .for_each(|dataset| dataset.announce_cut(rows));
-        }
     }
 
     /// Cuts the file after so many frames, contacts and rows. Collective.
@@ -381,22 +341,17 @@ impl DatasetPlace<'_> {
         element: TypeDescriptor,
         name: &str,
         shape: &[usize],
-        storage: Storage<'_>,
+        chunk: &[usize],
     ) -> Result<Dataset> {
         match self.mode {
-            OpenMode::Create => self.file.dataset(element, name, shape, storage),
+            OpenMode::Create => self.file.dataset(element, name, shape, Some(chunk)),
             OpenMode::Open => self.file.open_dataset(element, name),
         }
     }
 
     /// One number a frame or row.
     fn list<T: H5Type>(&self, name: &str) -> Result<Dataset> {
-        self.growing(
-            T::type_descriptor(),
-            name,
-            &[0],
-            Storage::Chunks(&[CHUNK_ROWS]),
-        )
+        self.growing(T::type_descriptor(), name, &[0], &[CHUNK_ROWS])
     }
 
     fn step(&self, folder: &str) -> Result<Dataset> {

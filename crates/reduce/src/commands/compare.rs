@@ -311,12 +311,7 @@ fn parameters(a: &RunFile, b: &RunFile, comparison: &mut Comparison) {
 
 /// Compares the fields of frames, read in blocks.
 fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldComparison>> {
-    let form = FrameFormat {
-        // Without them the other run has nothing to compare.
-        histories: a.form().histories && b.form().histories,
-        ..b.form()
-    };
-    let mut fields = FrameComparison::new(form);
+    let mut fields = FrameComparison::new(b.form());
     let length = a.block_length().min(b.block_length());
     for first in (0..frames).step_by(length) {
         let range = first..frames.min(first + length);

@@ -1,7 +1,7 @@
 //! Records of a checkpoint and their fields, each of which is a dataset.
 
 use crate::collective::{CollectiveOutcome, IdBlocks};
-use crate::h5::{H5File, Slab, Storage};
+use crate::h5::{H5File, Slab};
 use crate::sound;
 use bytemuck::{Pod, bytes_of, bytes_of_mut, cast_slice};
 use gshear_dem::domain::total;
@@ -169,7 +169,7 @@ pub(super) fn write_one<T: H5Type + Copy>(
 ) -> Result<()> {
     let width = shape.get(1).copied().unwrap_or(1) as u64;
     let slab = Slab::rows(first, local.len() as u64 / width, width);
-    let dataset = file.dataset(T::type_descriptor(), name, shape, Storage::Contiguous)?;
+    let dataset = file.dataset(T::type_descriptor(), name, shape, None)?;
     dataset.write(slab, local)
 }
 

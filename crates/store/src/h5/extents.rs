@@ -5,20 +5,14 @@ use std::ops::Range;
 use hdf5_sys::h5::{haddr_t, hsize_t};
 use hdf5_sys::h5d;
 
-/// A dataset, and the places of the chunks found so far. Chunks never move, except compressed ones
-/// to which rows are still added: these get a new place with every write.
+/// A dataset, and the places of the chunks found so far: chunks never move.
 pub(super) struct RawData {
     dataset: hdf5::Dataset,
-    pub(super) is_compressed: bool,
-    /// If the dataset is about to be cut, the rows that stay.
-    pub(super) rows_kept: Option<usize>,
     /// In the order of their indices.
     chunks: Vec<Range<u64>>,
     /// Shape of a chunk; `None` if the data are contiguous.
     chunk: Option<Vec<usize>>,
-    /// Bytes of the chunks beside each other: the most by which the data in the file exceed what
-    /// has been written, or by which compressed chunks are there twice while they are written
-    /// again.
+    /// Bytes of a chunk: the most by which the data in the file exceed what has been written.
     pub(super) chunk_bytes: u64,
 }
 
@@ -26,43 +20,16 @@ impl RawData {
     pub(super) fn of(dataset: hdf5::Dataset) -> Self {
         let chunk = dataset.chunk();
         let entries = match &chunk {
-            Some(chunk) => chunk.iter().product::<usize>() * beside(&dataset.shape(), chunk),
+            Some(chunk) => chunk.iter().product::<usize>(),
             None => 0,
         };
         let bytes = dataset.dtype().map_or(0, |datatype| datatype.size());
         Self {
-            is_compressed: (dataset.create_plist()).is_ok_and(|create| create.has_filters()),
-            rows_kept: None,
             chunks: Vec::new(),
             chunk_bytes: (entries * bytes) as u64,
             chunk,
             dataset,
         }
-    }
-
-    /// Whether this is the raw data of a dataset.
-    pub(super) fn is_of(&self, dataset: &hdf5::Dataset) -> bool {
-        self.dataset.id() == dataset.id()
-    }
-
-    /// Byte ranges of the file that are never written again with other values, empty ones included:
-    /// all but the compressed chunks to which rows are still added, or which are about to be cut.
-    /// Collective.
-    pub(super) fn settled(&mut self) -> hdf5::Result<Vec<Range<u64>>> {
-        let all = self.extents()?.to_vec();
-        let (Some(chunk), true) = (&self.chunk, self.is_compressed) else {
-            return Ok(all);
-        };
-        let shape = self.dataset.shape();
-        let beside = beside(&shape, chunk);
-        // The place of a chunk that is not full changes.
-        self.chunks.truncate(shape[0] / chunk[0] * beside);
-        let cut = self.rows_kept.filter(|rows| rows % chunk[0] != 0);
-        let cut = cut.map(|rows| rows / chunk[0] * beside);
-        let settled = self.chunks.iter().enumerate();
-        let settled =
-            settled.filter(|(n, _)| cut.is_none_or(|cut| !(cut..cut + beside).contains(n)));
-        Ok(settled.map(|(_, range)| range.clone()).collect())
     }
 
     /// Byte ranges of the file, empty ones included. Collective.
@@ -109,11 +76,4 @@ impl RawData {
         }
         Ok(&self.chunks)
     }
-}
-
-/// Number of chunks beside each other, with the same rows.
-fn beside(shape: &[usize], chunk: &[usize]) -> usize {
-    let axes = shape[1..].iter().zip(&chunk[1..]);
-    axes.map(|(all, of_chunk)| all.div_ceil(*of_chunk))
-        .product()
 }

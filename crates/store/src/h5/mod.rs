@@ -7,10 +7,9 @@ use gshear_dem::failure::{Failure, Result};
 use gshear_mpi_exchange::{LoneFailure, Parallel};
 use hdf5::types::TypeDescriptor;
 use hdf5::types::{FixedAscii, FixedUnicode, VarLenUnicode};
-use hdf5::{Dataspace, Datatype, H5Type, Hyperslab, Location, PropertyList, SliceOrIndex};
-use hdf5_sys::h5::hsize_t;
+use hdf5::{H5Type, Hyperslab, Location, SliceOrIndex};
+use hdf5_sys::h5f;
 use hdf5_sys::h5i::hid_t;
-use hdf5_sys::{h5d, h5f, h5p, h5s};
 use ndarray::ArrayViewD;
 use serde::{Deserialize, Serialize};
 
@@ -76,8 +75,6 @@ const METADATA_BYTES: u64 = 256 << 10;
 
 struct Context {
     path: PathBuf,
-    /// Properties of collective transfers, if there are several ranks.
-    transfer: Option<PropertyList>,
     /// Whether a call has failed, or the file was dropped without being closed.
     failed: Cell<bool>,
     /// Whether the file is being closed.
@@ -136,20 +133,6 @@ pub(crate) fn close(file: hdf5::File) -> hdf5::Result<()> {
 pub(crate) fn leave_open() {
     LEFT_OPEN.store(true, Ordering::Relaxed);
 }
-
-/// How the values of a dataset are stored.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Storage<'a> {
-    /// One piece of fixed size.
-    Contiguous,
-    /// Chunks of this shape; the dataset grows along its first dimension.
-    Chunks(&'a [usize]),
-    /// The same, each chunk compressed by shuffle and deflate, which every reader of HDF5 knows.
-    Compressed(&'a [usize]),
-}
-
-/// Level of deflate: higher ones take longer for 1 to 3 % less (docs/validation/speed.md).
-const DEFLATE: u8 = 1;
 
 /// A file open for writing on all ranks. Every call is collective; all arguments but the data must
 /// be the same on every rank.
@@ -217,7 +200,6 @@ impl H5File {
             .open_rw(for_mpi(path, communicator.is_some()))?;
         let context = Context {
             path: path.into(),
-            transfer: (communicator.is_some()).then(collective).transpose()?,
             failed: Cell::new(false),
             closes: Cell::new(false),
             lone: exchange.lone_failure(),
@@ -303,7 +285,8 @@ impl H5File {
         self.context.checked(name, "link", made)
     }
 
-    /// Creates a dataset of these elements and of `shape`.
+    /// Creates a dataset of these elements and of `shape`: contiguous and of fixed size, or, with
+    /// `chunk`, growing along its first dimension.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
@@ -312,27 +295,23 @@ impl H5File {
         element: TypeDescriptor,
         name: &str,
         shape: &[usize],
-        storage: Storage<'_>,
+        chunk: Option<&[usize]>,
     ) -> Result<Dataset> {
         use hdf5::dataset::{AllocTime, FillTime};
         use hdf5::{Extent, SimpleExtents};
         let mut extents: Vec<Extent> = shape.iter().map(|&n| Extent::fixed(n)).collect();
-        if !matches!(storage, Storage::Contiguous) {
+        if chunk.is_some() {
             extents[0] = Extent::resizable(shape[0]);
         }
         let builder = (self.file.new_dataset_builder().empty_as(&element))
             .shape(SimpleExtents::from_vec(extents))
-            .fill_time(FillTime::Never);
-        // Several ranks may continue a file of one rank; they can write only to allocated chunks,
-        // unless these are compressed.
-        let early = Some(AllocTime::Early);
-        let builder = match storage {
-            Storage::Contiguous => builder.alloc_time(early),
-            Storage::Chunks(chunk) => builder.alloc_time(early).chunk(chunk.to_vec()),
-            Storage::Compressed(chunk) => (builder.alloc_time(Some(AllocTime::Incr)))
-                .chunk(chunk.to_vec())
-                .shuffle()
-                .deflate(DEFLATE),
+            .fill_time(FillTime::Never)
+            // Several ranks may continue a file of one rank; they can write only to allocated
+            // chunks.
+            .alloc_time(Some(AllocTime::Early));
+        let builder = match chunk {
+            Some(chunk) => builder.chunk(chunk.to_vec()),
+            None => builder,
         };
         self.column(element, name, "create", builder.create(&*self.at(name)))
     }
@@ -354,16 +333,8 @@ impl H5File {
     ) -> Result<Dataset> {
         let dataset = self.context.checked(name, what, dataset)?;
         let raw_data = RawData::of(dataset.clone());
-        // Ranks can write to compressed chunks only together.
-        let shared = if raw_data.is_compressed && self.context.transfer.is_some() {
-            let datatype = Datatype::from_descriptor(&element);
-            Some(self.context.checked(name, "describe", datatype)?)
-        } else {
-            None
-        };
         self.context.raw_data.borrow_mut().push(raw_data);
         Ok(Dataset {
-            shared,
             shape: dataset.shape(),
             inner: dataset,
             name: name.into(),
@@ -431,16 +402,15 @@ impl H5File {
         Ok(())
     }
 
-    /// Returns the byte ranges that hold the data of all datasets created or opened so far, and are
-    /// never written again with other values.
+    /// Returns the byte ranges that hold the data of all datasets created or opened so far.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
     pub(crate) fn raw_extents(&self) -> Result<Vec<Range<u64>>> {
         let mut all = Vec::new();
         for raw_data in &mut *self.context.raw_data.borrow_mut() {
-            let settled = raw_data.settled();
-            all.extend(self.context.checked("/", "look up", settled)?);
+            let extents = raw_data.extents();
+            all.extend_from_slice(self.context.checked("/", "look up", extents)?);
         }
         Ok(all)
     }
@@ -633,19 +603,6 @@ fn put_all<T: H5Type>(location: &Location, name: &str, values: &[T]) -> hdf5::Re
     attribute.write_raw(values)
 }
 
-fn collective() -> hdf5::Result<PropertyList> {
-    hdf5::sync::sync(|| {
-        // SAFETY: the class is a constant of the library, which `sync` has initialised.
-        let id = hdf5::h5check(unsafe { h5p::H5Pcreate(*h5p::H5P_CLS_DATASET_XFER) })?;
-        // SAFETY: the id is that of a new property list, which only `list` closes.
-        let list: PropertyList = unsafe { hdf5::from_id(id) }?;
-        let mode = h5p::H5FD_mpio_xfer_t::H5FD_MPIO_COLLECTIVE;
-        // SAFETY: the list holds transfer properties and is open.
-        hdf5::h5check(unsafe { h5p::H5Pset_dxpl_mpio(list.id(), mode) })?;
-        Ok(list)
-    })
-}
-
 /// A box in a dataset of one to three dimensions. Entries beyond the dataset's dimensions are
 /// ignored.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -673,8 +630,6 @@ pub(crate) struct Dataset {
     name: String,
     context: Rc<Context>,
     element: TypeDescriptor,
-    /// The type of the values, if several ranks write to its chunks together.
-    shared: Option<Datatype>,
 }
 
 impl Dataset {
@@ -698,24 +653,11 @@ impl Dataset {
         self.context.checked(&object, "write", written)
     }
 
-    /// Notes that the dataset is about to be cut to so many rows: [`H5File::raw_extents`] are then
-    /// good for the rows before the cut and after it, until the next [`Self::resize`].
-    pub fn announce_cut(&self, rows: u64) {
-        self.keep(Some(rows as usize));
-    }
-
-    fn keep(&self, rows: Option<usize>) {
-        let mut raw_data = self.context.raw_data.borrow_mut();
-        let own = raw_data.iter_mut().filter(|data| data.is_of(&self.inner));
-        own.for_each(|data| data.rows_kept = rows);
-    }
-
     /// Sets the number of rows. Collective.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
     pub fn resize(&mut self, rows: u64) -> Result<()> {
-        self.keep(None);
         if rows as usize == self.shape[0] {
             return Ok(());
         }
@@ -724,8 +666,7 @@ impl Dataset {
         self.context.checked(&self.name, "resize", done)
     }
 
-    /// Writes this rank's part: the values `data` of `slab`, which may be empty. Collective for
-    /// compressed datasets.
+    /// Writes this rank's part: the values `data` of `slab`, which may be empty. Not collective.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
@@ -741,10 +682,6 @@ impl Dataset {
         let selected: u64 = count.iter().product();
         let as_many = "as many values as places";
         assert_eq!(selected, data.len() as u64, "{}: {as_many}", self.name);
-        if let (Some(transfer), Some(datatype)) = (&self.context.transfer, &self.shared) {
-            let written = self.write_together(transfer, datatype, slab, data);
-            return self.context.checked(&self.name, "write", written);
-        }
         if data.is_empty() {
             return Ok(());
         }
@@ -764,35 +701,6 @@ impl Dataset {
         self.context.checked(&self.name, "write", written)
     }
 
-    /// Writes `data`, which are of the type of the dataset and as many as the slab has places.
-    fn write_together<T: H5Type>(
-        &self,
-        transfer: &PropertyList,
-        datatype: &Datatype,
-        slab: Slab,
-        data: &[T],
-    ) -> hdf5::Result<()> {
-        let dimensions = self.shape.len();
-        // The same shape as the slab: otherwise HDF5 maps values to places one by one.
-        let shape = slab.count[..dimensions].iter();
-        let shape: Vec<usize> = shape.map(|&n| n.max(1) as usize).collect();
-        let (place, memory) = (self.inner.space()?, Dataspace::try_new(shape)?);
-        hdf5::sync::sync(|| {
-            select(place.id(), slab, dimensions)?;
-            if data.is_empty() {
-                select(memory.id(), slab, dimensions)?;
-            }
-            let (dataset, datatype, transfer) = (self.inner.id(), datatype.id(), transfer.id());
-            let (memory, place) = (memory.id(), place.id());
-            let data = data.as_ptr().cast();
-            // SAFETY: the ids are open; `datatype` describes T, as the only caller asserts;
-            // `memory` selects all of `data`, and `place` selects as many elements.
-            let written =
-                unsafe { h5d::H5Dwrite(dataset, datatype, memory, place, transfer, data) };
-            hdf5::h5check(written).map(drop)
-        })
-    }
-
     /// Sets the number of rows and writes this rank's part of them. Collective.
     ///
     /// # Errors
@@ -803,21 +711,6 @@ impl Dataset {
         let written = self.write(slab, data);
         resized.and(written)
     }
-}
-
-/// Selects the slab in a dataspace; nothing if the slab is empty.
-fn select(space: hid_t, slab: Slab, dimensions: usize) -> hdf5::Result<()> {
-    if slab.count[..dimensions].contains(&0) {
-        // SAFETY: the caller's dataspace is open.
-        return hdf5::h5check(unsafe { h5s::H5Sselect_none(space) }).map(drop);
-    }
-    let set = h5s::H5S_seloper_t::H5S_SELECT_SET;
-    let (start, count): ([hsize_t; 3], [hsize_t; 3]) = (slab.start, slab.count);
-    let (start, count, one) = (start.as_ptr(), count.as_ptr(), std::ptr::null());
-    // SAFETY: `start` and `count` have at least as many entries as the dataspace has dimensions; a
-    // null stride or block means 1.
-    let selected = unsafe { h5s::H5Sselect_hyperslab(space, set, start, one, count, one) };
-    hdf5::h5check(selected).map(drop)
 }
 
 /// Appends data that are the same on every rank after the first `before` rows; rank 0 writes them.

@@ -21,7 +21,7 @@ pub use self::owner::{Owner, owner};
 use self::verify::FrameSums;
 use crate::box_columns::{AqsRow, NewtonianRow};
 use crate::checksums;
-use crate::contact_quantities::{IDLE, TANGENTIAL_HISTORY, TWISTING};
+use crate::contact_quantities::{IDLE, TWISTING_HISTORY};
 use crate::file_names::{RUN_FILE, folder_of};
 use crate::layout::{
     CONTACTS, FrameFormat, IMAGE, OBSERVABLES, PARTICLES, REMOVED, contact_dataset, elements,
@@ -260,12 +260,11 @@ impl RunFile {
         };
         let series = source.table(place, columns, finished)?;
         let scalars = source.scalars(finished)?;
-        let torques = source.exists(&contact_dataset(TWISTING));
+        let torques = source.exists(&contact_dataset(TWISTING_HISTORY));
         let form = FrameFormat {
             axes: dimension.axes(),
             torques,
             idle: source.exists(&contact_dataset(IDLE)),
-            histories: source.exists(&contact_dataset(TANGENTIAL_HISTORY)),
             removed: source.exists(&grain_dataset(&REMOVED.column)),
         };
         let of_grains = |quantity| source.of_grains(quantity, grains.count());

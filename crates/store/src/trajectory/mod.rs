@@ -7,11 +7,10 @@ use crate::batch::{Frames, length};
 use crate::checksums::{self, Constants, OF_PARAMETERS, of_parameters};
 use crate::collective::{CollectiveOutcome, IdBlocks, agree, of_root, on_root, told_by_root};
 use crate::existing::{is_of, unlink_foreign};
-use crate::h5::{self, Attribute, H5File, Slab, Storage, by_root};
+use crate::h5::{self, Attribute, H5File, Slab, by_root};
 use crate::journal::{self, Journal};
 use crate::layout::{
-    self, CHUNK_FRAMES, Datasets, MASS, OpenMode, PARAMETERS, PARTICLES, RADIUS, chunk_frames,
-    describe,
+    self, CHUNK_FRAMES, Datasets, MASS, OpenMode, PARAMETERS, PARTICLES, RADIUS, describe,
 };
 pub use crate::layout::{FileContent, FrameFormat, frame_bytes};
 use crate::part::{Part, groups_after};
@@ -56,8 +55,8 @@ pub struct TrajectoryWriter {
     /// In which the part of the file is; empty: the root.
     group: &'static str,
     blocks: IdBlocks,
-    /// Number of frames in a batch, which ends where a chunk does.
-    batch: u64,
+    /// Number of frames in a batch.
+    batch: usize,
     frames: Frames,
     frames_written: u64,
     contacts_written: u64,
@@ -138,13 +137,8 @@ impl TrajectoryWriter {
     }
 
     fn new(file: H5File, part: &Part, columns: Datasets, blocks: IdBlocks) -> Self {
-        let grains = blocks.grains as usize;
         // About two contacts a grain.
         let frame = size_of::<GrainSample>() + 2 * size_of::<ContactSample>();
-        let most = (BATCH_BYTES / (frame * grains).max(1)).clamp(1, CHUNK_FRAMES);
-        // Whole chunks, each of which is compressed once.
-        let chunk = chunk_frames(grains);
-        let batch = (most / chunk).max(1) * chunk;
         TrajectoryWriter {
             columns,
             scalars: None,
@@ -152,7 +146,7 @@ impl TrajectoryWriter {
             path: part.file.clone(),
             group: part.group,
             blocks,
-            batch: batch as u64,
+            batch: (BATCH_BYTES / (frame * blocks.grains as usize).max(1)).clamp(1, CHUNK_FRAMES),
             frames: Frames::default(),
             frames_written: 0,
             contacts_written: 0,
@@ -251,7 +245,7 @@ impl TrajectoryWriter {
         contacts: &[ContactSample],
     ) -> Result<()> {
         self.frames.push(step, time, edges, grains, contacts);
-        if !self.frames().is_multiple_of(self.batch) {
+        if self.frames.len() < self.batch {
             return Ok(());
         }
         self.write_frames(exchange)
@@ -443,12 +437,7 @@ impl<'a> FixedDataset<'a> {
 
     /// Creates it and writes this rank's part. Collective.
     fn write<T: H5Type + Copy>(self, file: &H5File, slab: Slab, data: &[T]) -> Result<()> {
-        let dataset = file.dataset(
-            T::type_descriptor(),
-            self.name,
-            &[self.size],
-            Storage::Contiguous,
-        )?;
+        let dataset = file.dataset(T::type_descriptor(), self.name, &[self.size], None)?;
         let described = match self.unit {
             Some(unit) => dataset.attribute("unit", &Attribute::Word(unit)),
             None => Ok(()),

@@ -44,7 +44,6 @@ impl TrajectoryWriter {
         let mut writer = Self::new(file, &part, columns, blocks);
         (writer.frames_written, writer.contacts_written) = (frames, existing.contacts);
         // A file that was closed has no journal, and a kill while it is cut would damage it.
-        writer.columns.announce_cut(frames, existing.contacts);
         write_journal(&writer.file, &writer.path, exchange)?;
         let mut outcome = CollectiveOutcome::default();
         // What follows is made anew.
