@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::common::{Outcome, beyond_the_digest, gshear_mpi, reducer, succeed};
+use crate::common::{Outcome, beyond_the_digest, gshear_mpi, reducer, run_scene, succeed};
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::state::length;
 use gshear_scene::Dimensions;
@@ -488,6 +488,79 @@ fn strain_steps_stop_within() {
         };
         if name == "birth" {
             assert!(born(&whole.text).is_some(), "{}", whole.text);
+        }
+    }
+}
+
+/// A box of any ratio of lengths, prepared from a lattice or from random places, has the volume Σ V/φ
+/// of its grains and the same bits on any number of ranks. Its first frame, as a packing of a file
+/// whose box is that of the file, is strained to the same stresses.
+#[test]
+fn boxes_have_the_ratios_of_the_scene() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (axes, aspect, fraction, placement) in [
+        (2, [2.0, 1.0, 0.0], 0.86, "lattice"),
+        (3, [1.0, 1.25, 0.8], 0.68, "random"),
+    ] {
+        let scene = |sample: &str| {
+            format!(
+                "
+                dimension = {axes}
+                material.mass = 1.0
+                contact = {{ law = 'mindlin', normal_stiffness = 1.0, friction = 0.0 }}
+                relax = {{ tolerance = 1e-12, drag = 0.1 }}
+                aqs = {{ strain_step = 1e-3, steps = 3, frame_every = 1 }}
+                sample = {{ {sample}, boundary = 'periodic' }}"
+            )
+        };
+        let inserted = scene(&format!(
+            "grains = 200, sizes = 'binary', radius_min = 0.5, radius_max = 0.7, large_fraction = 0.5,
+            solid_fraction = {fraction}, aspect = {:?}, placement = '{placement}'",
+            &aspect[..axes]
+        ).replace('\n', " "));
+        let file = folder.path().join(format!("{axes}.toml"));
+        std::fs::write(&file, inserted).expect("written");
+        let [one, two] = [1, 2].map(|ranks| {
+            let out = folder.path().join(format!("{axes}-{ranks}"));
+            let arguments = [file.display().to_string()];
+            let digest = gshear_mpi(ranks, &out, &arguments).digest();
+            (digest, RunFile::open_any(&out).expect("a run"))
+        });
+        assert_eq!(one.0, two.0);
+        let run = one.1;
+        let edges = run.box_edges(0);
+        let lengths: Vec<f64> = (0..axes).map(|axis| edges[axis][axis]).collect();
+        for axis in 0..axes {
+            let ratio = lengths[axis] / lengths[0];
+            let wanted = aspect[axis] / aspect[0];
+            assert!((ratio / wanted - 1.0).abs() < 1e-14, "{lengths:?}");
+        }
+        let pi = std::f64::consts::PI;
+        let volume = match axes {
+            2 => 100.0 * pi * (0.25 + 0.49),
+            _ => 100.0 * 4.0 / 3.0 * pi * (0.125 + 0.343),
+        };
+        let found = volume / lengths.iter().product::<f64>();
+        assert!((found / fraction - 1.0).abs() < 1e-13, "{found}");
+        // Its first frame as a packing, whose box is that of the file.
+        let packing = format!(
+            "packing = '{}@0'",
+            folder.path().join(format!("{axes}-1")).display()
+        );
+        let again = run_scene(
+            folder.path(),
+            &format!("{axes}-again"),
+            &scene(&packing),
+            &[],
+        );
+        assert_eq!(again.box_edges(0), edges);
+        let pressures = run.series().column("pressure");
+        assert!(pressures[0] > 1e-3, "{pressures:?}");
+        for name in ["pressure", "shear_stress"] {
+            let [first, second] = [&run, &again].map(|run| run.series().column(name).to_vec());
+            for (a, b) in first.iter().zip(&second) {
+                assert!((a - b).abs() < 1e-8 * pressures[0], "{name}: {a} {b}");
+            }
         }
     }
 }

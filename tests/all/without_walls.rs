@@ -341,3 +341,51 @@ fn the_profile_of_a_report_is_of_each_frames_height() {
     let found = mean(&fractions);
     assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
 }
+
+/// The radii of a run are exactly those that the scene gives, on one rank and on two, in a cell that
+/// is packed and in one of a solid fraction; the order is not that of the list.
+#[test]
+fn given_radii_are_those_of_the_grains() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // Ascending and uneven, two of them equal.
+    let mut given: Vec<f64> = (0..120u32)
+        .map(|k| 0.4e-3 + 0.2e-3 * (f64::from(k) / 119.0).powi(2))
+        .collect();
+    given[1] = given[0];
+    let sample = format!("sizes = 'given', radii = {given:?}, boundary = 'periodic'");
+    let packed = format!(
+        "{}
+        sample = {{ {sample}, length = 11e-3 }}",
+        FLOW.lines()
+            .filter(|line| !line.contains("sample ="))
+            .collect::<Vec<_>>()
+            .join("\n")
+    );
+    let strained = format!(
+        "
+        material.density = 2500
+        contact = {{ law = 'hooke', normal_stiffness = 1e6, friction = 0.0, restitution = 0.3 }}
+        sample = {{ {sample}, solid_fraction = 0.86 }}
+        relax = {{ tolerance = 1e-6, drag = 1e3 }}"
+    );
+    for (name, text, set) in [
+        ("packed", packed, "--set=shear.strain=0.001"),
+        ("strained", strained, "--set=seed=1"),
+    ] {
+        let file = folder.path().join(format!("{name}.toml"));
+        std::fs::write(&file, text).expect("written");
+        let arguments = [file.display().to_string(), set.into()];
+        let [one, two] = [1, 2].map(|ranks| {
+            let out = folder.path().join(format!("{name}-{ranks}"));
+            let digest = gshear_mpi(ranks, &out, &arguments).digest();
+            (digest, RunFile::open_any(&out).expect("a run"))
+        });
+        assert_eq!(one.0, two.0, "{name}");
+        for run in [&one.1, &two.1] {
+            let mut radii = run.grains().radius.to_vec();
+            assert_ne!(radii, given, "{name}");
+            radii.sort_by(f64::total_cmp);
+            assert_eq!(radii, given, "{name}");
+        }
+    }
+}

@@ -499,9 +499,12 @@ pub struct StrainProgress {
 impl StrainProgress {
     /// The box of this sample.
     pub fn cell<D: Dimension>(&self, sample: &Sample) -> Cell {
-        let stretched = self.stretched.map(|stretched| stretched.lengths);
+        let lengths = match self.stretched {
+            Some(stretched) => stretched.lengths,
+            None => sample.box_cell(sample.length).lengths::<D>(),
+        };
         let shape = Shape {
-            lengths: stretched.unwrap_or([sample.length; 3]),
+            lengths,
             offset: self.offset,
         };
         shape.cell::<D>(sample)

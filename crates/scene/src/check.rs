@@ -180,12 +180,16 @@ fn check_stages(
 /// Refuses more inserted grains than the limit.
 fn check_limit(c: &mut Checker<'_>, limit: &GrainLimit) {
     let range = i64::from(limit.most) + 1..=i64::from(u32::MAX);
-    if let Some(Value::Whole(grains)) = c.value(&SAMPLE.grains)
-        && range.contains(grains)
-    {
+    let (key, grains) = match (c.value(&SAMPLE.grains), c.value(&SAMPLE.radii)) {
+        (Some(Value::Whole(grains)), _) => (&SAMPLE.grains, *grains),
+        // Only given radii may come without a number of grains.
+        (None, Some(Value::Numbers(radii))) => (&SAMPLE.radii, radii.len() as i64),
+        _ => return,
+    };
+    if range.contains(&grains) {
         let GrainLimit { most, reason } = limit;
         let what = format!("{grains} grains are more than the {most} that {reason}; give fewer");
-        c.refuse(&SAMPLE.grains, &what);
+        c.refuse(key, &what);
     }
 }
 

@@ -90,7 +90,9 @@ fn resolution(c: &mut Checker<'_>, scene: &Scene) {
         let keys = [&[&SAMPLE.packing][..], &WAYS].concat();
         check_rounding(c, sample, height, walls.load.stiffness_number, &keys);
     }
-    if let Some(least) = (scene.stages.strain.as_ref()).and_then(QuasiStatic::least_pressure) {
+    if let Some(strain) = &scene.stages.strain
+        && let Some(least) = strain.least_pressure()
+    {
         let most = derived::STIFFNESS_NUMBER_MAX;
         let kappa = match derived::stiffness_number(&scene.law, sample, least) {
             Some(kappa) => kappa,
@@ -99,7 +101,8 @@ fn resolution(c: &mut Checker<'_>, scene: &Scene) {
             None => return,
         };
         let keys = [&AQS.pressures, &AQS.pressure];
-        check_rounding(c, sample, sample.length, kappa, &keys);
+        let [_, _, height] = strain.lengths(sample);
+        check_rounding(c, sample, height, kappa, &keys);
     }
 }
 

@@ -21,6 +21,8 @@ pub struct Sample {
     pub length: f64,
     /// L_y (m); infinite in 2D.
     pub width: f64,
+    /// L_y/L_x (of spheres) and that of the last axis, of a box of a given solid fraction.
+    pub aspect: [f64; 2],
 }
 
 impl Sample {
@@ -35,6 +37,7 @@ impl Sample {
             mean_volume: std::f64::consts::PI * (a * a + a * b + b * b) / 3.0,
             length,
             width: f64::INFINITY,
+            aspect: [1.0; 2],
         }
     }
 
@@ -43,11 +46,11 @@ impl Sample {
         Cell::between_walls([self.length, self.width])
     }
 
-    /// The sample in a box of this length (m) along every axis.
+    /// The sample in a box of this L_x (m) with its ratios of lengths.
     pub fn in_box(self, dimension: Dimensions, length: f64) -> Self {
         let width = match dimension {
             Dimensions::Two => f64::INFINITY,
-            Dimensions::Three => length,
+            Dimensions::Three => length * self.aspect[0],
         };
         Self {
             length,
@@ -56,11 +59,24 @@ impl Sample {
         }
     }
 
-    /// A box of this length (m) along every axis, its images straight above each other.
+    /// Lengths (m) along the axes of a box of this L_x (m); the second is 1 in 2D.
+    pub fn box_lengths(&self, length: f64) -> [f64; 3] {
+        let [width, height] = self.aspect.map(|ratio| length * ratio);
+        [length, self.by_dimension(1.0, width), height]
+    }
+
+    /// The lengths (m) along the axes of a box of this L_x (m), as many as there are.
+    pub fn box_axes(&self, length: f64) -> Vec<f64> {
+        let [length, width, height] = self.box_lengths(length);
+        self.by_dimension(vec![length, height], vec![length, width, height])
+    }
+
+    /// A box of this L_x (m), its images straight above each other.
     pub fn box_cell(&self, length: f64) -> Cell {
+        let [length, width, height] = self.box_lengths(length);
         Cell {
-            periods: [length, self.by_dimension(f64::INFINITY, length)],
-            sheared: Some(Sheared::upright(length)),
+            periods: [length, self.by_dimension(f64::INFINITY, width)],
+            sheared: Some(Sheared::upright(height)),
         }
     }
 
@@ -122,8 +138,19 @@ pub enum Sizes {
         /// Share of the grains that have the greatest.
         large_fraction: f64,
     },
-    /// These (m), each as likely as the others.
-    List(Vec<f64>),
+    /// Either of these.
+    List(Vec<ListedRadius>),
+    /// The radius of every grain (m), each used once.
+    Given(Vec<f64>),
+}
+
+/// A radius of a list, and how often it is drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ListedRadius {
+    /// R (m).
+    pub radius: f64,
+    /// The share of the grains by number that have it, over the sum of all weights.
+    pub weight: f64,
 }
 
 /// Radii between two bounds, as many of each as R to the power of -`exponent`.
@@ -171,7 +198,7 @@ impl SizeClass {
 
 impl Sizes {
     /// ⟨f(R)⟩ between these limits (m). Polynomials of third order are exact but for rounding where
-    /// R is uniform, binary or a list.
+    /// R is uniform, binary, a list or given.
     pub fn mean(&self, limits: [f64; 2], f: impl Fn(f64) -> f64) -> f64 {
         let [a, b] = limits;
         match self {
@@ -191,9 +218,18 @@ impl Sizes {
             Sizes::Binary { large_fraction } => {
                 large_fraction * f(b) + (1.0 - large_fraction) * f(a)
             }
-            Sizes::List(radii) => radii.iter().map(|&r| f(r)).sum::<f64>() / radii.len() as f64,
+            Sizes::List(listed) => {
+                let sum: f64 = listed.iter().map(|one| one.weight * f(one.radius)).sum();
+                sum / total_weight(listed)
+            }
+            Sizes::Given(radii) => radii.iter().map(|&r| f(r)).sum::<f64>() / radii.len() as f64,
         }
     }
+}
+
+/// The sum of the weights of a list.
+pub(crate) fn total_weight(listed: &[ListedRadius]) -> f64 {
+    listed.iter().map(|one| one.weight).sum()
 }
 
 /// Mean of f over [a, b] with these weights, by Simpson's rule with an even number of intervals.

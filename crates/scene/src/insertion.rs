@@ -5,9 +5,10 @@ use std::ops::Range;
 use bytemuck::Zeroable;
 use rand::RngExt;
 use rand::SeedableRng;
+use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-use crate::grains::{Sample, Sizes};
+use crate::grains::{ListedRadius, Sample, Sizes, total_weight};
 use gshear_dem::contact::{portable_exp, portable_ln};
 use gshear_dem::state::{GrainState, body};
 
@@ -25,7 +26,7 @@ fn columns(length: f64, radius_max: f64) -> u32 {
 #[derive(Debug, Clone)]
 pub struct Lattice<'a> {
     sample: &'a Sample,
-    sizes: &'a Sizes,
+    radii: Radii<'a>,
     /// Columns along x and along y; in two dimensions one.
     columns: [u32; 2],
     /// Of a column (m), along x and along y; none in two dimensions.
@@ -34,14 +35,14 @@ pub struct Lattice<'a> {
 
 impl<'a> Lattice<'a> {
     /// The lattice on which the grains of a sample are inserted.
-    pub fn new(sample: &'a Sample, sizes: &'a Sizes) -> Self {
+    pub fn new(seed: u64, sample: &'a Sample, sizes: &'a Sizes) -> Self {
         let along = columns(sample.length, sample.radius_max);
         let across = sample.by_dimension(1, columns(sample.width, sample.radius_max));
         let width = sample.length / f64::from(along);
         let depth = sample.width / f64::from(across);
         Self {
             sample,
-            sizes,
+            radii: Radii::drawn(seed, sample, sizes),
             columns: [along, across],
             width: [width, sample.by_dimension(0.0, depth)],
         }
@@ -60,21 +61,21 @@ impl<'a> Lattice<'a> {
 
     /// The grains at rest of this rank's share of the columns. Every grain has its own random
     /// stream, so any rank may make it.
-    pub fn insert(&self, seed: u64, rank: usize, ranks: usize) -> Vec<GrainState> {
+    pub fn insert(&self, rank: usize, ranks: usize) -> Vec<GrainState> {
         let all = u64::from(self.columns[0] * self.columns[1]);
         let [first, end] = [rank, rank + 1].map(|r| (all * r as u64 / ranks as u64) as u32);
-        (first..end).flat_map(|c| self.column(seed, c)).collect()
+        (first..end).flat_map(|c| self.column(c)).collect()
     }
 
-    fn column(&self, seed: u64, column: u32) -> Vec<GrainState> {
+    fn column(&self, column: u32) -> Vec<GrainState> {
         let at = [column / self.columns[1], column % self.columns[1]];
         let periods = [self.sample.length, self.sample.width];
         let up = self.sample.dimension().axes() - 1;
         let mut bottom = 0.0;
         let mut grains = Vec::new();
         for id in self.ids(column) {
-            let mut uniform = stream(seed, id);
-            let radius = radius(self.sample, self.sizes, &mut uniform);
+            let mut uniform = stream(self.radii.seed, id);
+            let radius = self.radii.radius(id, &mut uniform);
             let mut position = [0.0; 3];
             for axis in 0..up {
                 let width = self.width[axis];
@@ -96,8 +97,63 @@ impl<'a> Lattice<'a> {
     }
 }
 
+/// The radii of the grains of a sample, the same on every rank.
+#[derive(Debug, Clone)]
+pub struct Radii<'a> {
+    seed: u64,
+    sample: &'a Sample,
+    sizes: &'a Sizes,
+    /// R (m) by id, if the list of radii is exact; else empty, and each is drawn.
+    exact: Vec<f64>,
+}
+
+impl<'a> Radii<'a> {
+    /// Drawn grain by grain, unless they are given.
+    pub fn drawn(seed: u64, sample: &'a Sample, sizes: &'a Sizes) -> Self {
+        let exact = match sizes {
+            Sizes::Given(radii) => shuffled(seed, radii.clone()),
+            _ => Vec::new(),
+        };
+        Self {
+            seed,
+            sample,
+            sizes,
+            exact,
+        }
+    }
+
+    /// Of grains in a box: of a binary mixture exactly as many are large as its fraction says.
+    pub fn in_box(seed: u64, sample: &'a Sample, sizes: &'a Sizes) -> Self {
+        let mut radii = Self::drawn(seed, sample, sizes);
+        if let Sizes::Binary { large_fraction } = sizes {
+            let mut exact = vec![sample.radius_min; sample.grains as usize];
+            exact[..large(sample.grains, *large_fraction)].fill(sample.radius_max);
+            radii.exact = shuffled(seed, exact);
+        }
+        radii
+    }
+
+    /// R (m) of a grain; `uniform` returns the numbers of its [`stream`].
+    pub fn radius(&self, id: u32, uniform: &mut impl FnMut() -> f64) -> f64 {
+        match self.exact.get(id as usize) {
+            Some(radius) => *radius,
+            None => drawn_radius(self.sample, self.sizes, uniform),
+        }
+    }
+}
+
+/// Radii in an order drawn from the seed, so that those of a sorted list are mixed: ids ascend
+/// along x.
+fn shuffled(seed: u64, mut radii: Vec<f64>) -> Vec<f64> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    // A stream of random numbers that no grain uses.
+    random.set_stream(u64::MAX);
+    radii.shuffle(&mut random);
+    radii
+}
+
 /// R (m) of one grain; `uniform` returns random numbers in [0, 1).
-pub fn radius(sample: &Sample, sizes: &Sizes, uniform: &mut impl FnMut() -> f64) -> f64 {
+fn drawn_radius(sample: &Sample, sizes: &Sizes, uniform: &mut impl FnMut() -> f64) -> f64 {
     let (a, b) = (sample.radius_min, sample.radius_max);
     match sizes {
         Sizes::Uniform => a + uniform() * (b - a),
@@ -139,10 +195,23 @@ pub fn radius(sample: &Sample, sizes: &Sizes, uniform: &mut impl FnMut() -> f64)
                 a
             }
         }
-        Sizes::List(radii) => {
-            radii[((uniform() * radii.len() as f64) as usize).min(radii.len() - 1)]
-        }
+        Sizes::List(listed) => listed_radius(listed, uniform()),
+        Sizes::Given(_) => unreachable!("given radii are not drawn"),
     }
+}
+
+/// The radius (m) of a list that the part u ∈ [0, 1) of its grains, in its order, ends at.
+fn listed_radius(listed: &[ListedRadius], u: f64) -> f64 {
+    let mut left = u * total_weight(listed);
+    // Rounding may leave something beyond the last one.
+    let last = listed.len() - 1;
+    for one in &listed[..last] {
+        if left < one.weight {
+            return one.radius;
+        }
+        left -= one.weight;
+    }
+    listed[last].radius
 }
 
 /// Random numbers in [0, 1) for one grain: first those of its radius, then those of its position.
@@ -162,12 +231,12 @@ pub(crate) fn material_stream(seed: u64, id: u32) -> impl FnMut() -> f64 {
 }
 
 /// Number of large grains of a binary mixture of `grains`.
-pub fn large(grains: u32, large_fraction: f64) -> usize {
+fn large(grains: u32, large_fraction: f64) -> usize {
     (large_fraction * f64::from(grains)).round() as usize
 }
 
-/// The volume (m³; m² in 2D) of all grains of a box: of a binary mixture there are exactly as many
-/// large ones as its fraction says, other radii are those that are drawn. `volume`: of a radius.
+/// The volume (m³; m² in 2D) of all grains of a box, whose radii are those of [`Radii::in_box`].
+/// `volume`: of a radius.
 pub(crate) fn volume_in_box(
     seed: u64,
     sample: &Sample,
@@ -182,8 +251,11 @@ pub(crate) fn volume_in_box(
         }
         return large * volume(sample.radius_max) + (count - large) * volume(sample.radius_min);
     }
+    if let Sizes::Given(_) = sizes {
+        return count * sample.mean_volume;
+    }
     (0..sample.grains)
-        .map(|id| volume(radius(sample, sizes, &mut stream(seed, id))))
+        .map(|id| volume(drawn_radius(sample, sizes, &mut stream(seed, id))))
         .sum()
 }
 
@@ -239,7 +311,7 @@ mod tests {
     #[test]
     fn grains_do_not_overlap_and_their_sizes_are_uniform() {
         for (sample, up) in [(&SAMPLE, 1), (&SPHERES, 2)] {
-            let grains = Lattice::new(sample, &Sizes::Uniform).insert(3, 0, 1);
+            let grains = Lattice::new(3, sample, &Sizes::Uniform).insert(0, 1);
             assert_eq!(grains.len(), sample.grains as usize);
             for (k, a) in grains.iter().enumerate() {
                 assert_eq!(a.id, k as u32);
@@ -261,7 +333,8 @@ mod tests {
     /// distributions.
     #[test]
     fn sizes_are_distributed_as_asked_for() {
-        let list = Sizes::List(vec![0.5e-6, 0.6e-6, 1e-6]);
+        let list = listed(&[(0.5e-6, 1.0), (0.6e-6, 1.0), (1e-6, 1.0)]);
+        let weighted = listed(&[(0.5e-6, 5.0), (0.6e-6, 0.5), (1e-6, 2.0)]);
         let normal = Sizes::Normal {
             mean: 0.7e-6,
             deviation: 0.1e-6,
@@ -296,8 +369,9 @@ mod tests {
             curve,
             binary,
             list,
+            weighted,
         ] {
-            let grains = Lattice::new(&SAMPLE, &sizes).insert(5, 0, 1);
+            let grains = Lattice::new(5, &SAMPLE, &sizes).insert(0, 1);
             let check_mean = |f: fn(f64) -> f64| {
                 let n = grains.len() as f64;
                 let values = grains.iter().map(|g| f(g.radius / 1e-6));
@@ -313,6 +387,86 @@ mod tests {
             check_mean(|r| r);
             check_mean(|r| r * r);
             check_mean(|r| r * r * r);
+        }
+    }
+
+    fn listed(radii_and_weights: &[(f64, f64)]) -> Sizes {
+        let listed = radii_and_weights.iter();
+        Sizes::List(
+            listed
+                .map(|&(radius, weight)| ListedRadius { radius, weight })
+                .collect(),
+        )
+    }
+
+    /// ⟨R^n⟩ = Σ w_k R_k^n / Σ w_k, and how often each radius is drawn: within four standard
+    /// deviations of a binomial distribution, N p ± 4 √(N p (1-p)).
+    #[test]
+    fn weights_are_shares_by_number() {
+        let sizes = listed(&[(0.5e-6, 6.0), (0.75e-6, 3.0), (1e-6, 1.0)]);
+        let mean = sizes.mean([0.5e-6, 1e-6], |r| r / 1e-6);
+        assert!((mean - 0.625).abs() < 1e-15, "{mean}");
+        let cube = sizes.mean([0.5e-6, 1e-6], |r| (r / 1e-6).powi(3));
+        assert!((cube - (0.075 + 0.1265625 + 0.1)).abs() < 1e-15, "{cube}");
+        let grains = Lattice::new(8, &SAMPLE, &sizes).insert(0, 1);
+        let all = grains.len() as f64;
+        for (radius, share) in [(0.5e-6, 0.6), (0.75e-6, 0.3), (1e-6, 0.1)] {
+            let count = grains.iter().filter(|g| g.radius == radius).count() as f64;
+            let deviation = (all * share * (1.0 - share)).sqrt();
+            assert!(
+                (count - all * share).abs() < 4.0 * deviation,
+                "{radius}: {count}"
+            );
+        }
+    }
+
+    /// Equal weights draw the radius ⌊N u⌋, as lists without weights always did.
+    #[test]
+    fn equal_weights_divide_the_numbers_evenly() {
+        for count in [1, 2, 3, 7, 100] {
+            let radii: Vec<_> = (0..count).map(|k| (f64::from(k), 1.0)).collect();
+            let Sizes::List(listed) = listed(&radii) else {
+                unreachable!()
+            };
+            let mut uniform = stream(1, count);
+            for u in (0..10_000)
+                .map(|_| uniform())
+                .chain([0.0, 1f64.next_down()])
+            {
+                let part = (u * f64::from(count)) as u32;
+                let expected = f64::from(part.min(count - 1));
+                assert_eq!(listed_radius(&listed, u), expected, "{count} {u}");
+            }
+        }
+    }
+
+    /// Each given radius is used exactly once, wherever its grain is inserted, and a sorted list is
+    /// mixed: the mean of each half is that of a random half of the list, within four standard
+    /// deviations σ/√(2n) √(n/(2n-1)) of n out of 2n without replacement.
+    #[test]
+    fn given_radii_are_used_once_each_in_a_random_order() {
+        let given: Vec<f64> = (0..1000).map(|k| 0.5e-6 + 0.5e-9 * f64::from(k)).collect();
+        let sizes = Sizes::Given(given.clone());
+        for sample in [SAMPLE, SPHERES] {
+            let sample = Sample {
+                grains: 1000,
+                ..sample
+            };
+            let lattice = Lattice::new(2, &sample, &sizes);
+            let whole = lattice.insert(0, 1);
+            let shares: Vec<_> = (0..3).flat_map(|r| lattice.insert(r, 3)).collect();
+            assert_eq!(whole, shares);
+            let mut radii: Vec<f64> = whole.iter().map(|g| g.radius).collect();
+            let mean = |radii: &[f64]| radii.iter().sum::<f64>() / radii.len() as f64;
+            let deviation = 0.5e-6 / 12f64.sqrt();
+            let error = deviation / 500f64.sqrt() * (500.0 / 999f64).sqrt();
+            assert!((mean(&radii[..500]) - mean(&given)).abs() < 4.0 * error);
+            assert_ne!(radii, given);
+            radii.sort_by(f64::total_cmp);
+            assert_eq!(radii, given);
+            let boxed = Radii::in_box(2, &sample, &sizes);
+            let of_box = |id| boxed.radius(id, &mut || unreachable!());
+            assert!(whole.iter().all(|g| of_box(g.id) == g.radius));
         }
     }
 
@@ -343,7 +497,7 @@ mod tests {
             let Origin::Insertion(sizes) = &scene.plane_shear("s").expect("walls").origin else {
                 panic!("not inserted");
             };
-            let grains = Lattice::new(&scene.sample, sizes).insert(9, 0, 1);
+            let grains = Lattice::new(9, &scene.sample, sizes).insert(0, 1);
             let volume = |g: &GrainState| (g.radius / 1e-3).powi(power);
             let all: f64 = grains.iter().map(volume).sum();
             // Half way along the logarithm between the last two, too.
@@ -407,11 +561,12 @@ mod tests {
     #[test]
     fn any_share_is_the_same_as_the_whole() {
         for sample in [&SAMPLE, &SPHERES] {
-            let lattice = Lattice::new(sample, &Sizes::Uniform);
-            let whole = lattice.insert(3, 0, 1);
-            let shares: Vec<_> = (0..5).flat_map(|r| lattice.insert(3, r, 5)).collect();
+            let lattice = Lattice::new(3, sample, &Sizes::Uniform);
+            let whole = lattice.insert(0, 1);
+            let shares: Vec<_> = (0..5).flat_map(|r| lattice.insert(r, 5)).collect();
             assert_eq!(whole, shares);
-            assert_ne!(lattice.insert(4, 0, 1), whole);
+            let other = Lattice::new(4, sample, &Sizes::Uniform);
+            assert_ne!(other.insert(0, 1), whole);
         }
     }
 }

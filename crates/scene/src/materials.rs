@@ -690,9 +690,9 @@ mod tests {
             let Origin::Insertion(sizes) = &walls.origin else {
                 panic!("inserted");
             };
-            let lattice = Lattice::new(&scene.sample, sizes);
+            let lattice = Lattice::new(scene.seed, &scene.sample, sizes);
             let made = |rank, ranks| {
-                let mut grains = lattice.insert(scene.seed, rank, ranks);
+                let mut grains = lattice.insert(rank, ranks);
                 let largest = scene.sample.radius_max;
                 scene.materials.give(scene.seed, largest, &mut grains);
                 grains

@@ -153,7 +153,7 @@ impl QuasiStatic {
     pub fn lengths(&self, sample: &Sample) -> [f64; 3] {
         let width = sample.by_dimension(1.0, sample.width);
         let height = match &self.origin {
-            Origin::Insertion(_) => sample.length,
+            Origin::Insertion(_) => return sample.box_lengths(sample.length),
             Origin::Packing(file) => file.boxed.map_or(sample.length, |[height, _]| height),
             Origin::StageBefore { height } => *height,
         };

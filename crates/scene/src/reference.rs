@@ -496,8 +496,9 @@ mod tests {
             contact.rolling_damping_ratio contact.twisting_friction contact.twisting_damping_ratio
             contact.damping_ratio contact.restitution contact.sliding_damping
             contact.tangential_damping_ratio sample.radius_exponent sample.passing
-            sample.large_fraction sample.solid_fraction sample.replicate sample.wall_thickness load.stiffness_number
-            load.incline load.solid_fraction pack.friction pack.drag pack.tolerance
+            sample.large_fraction sample.radii_weights sample.solid_fraction sample.aspect
+            sample.replicate sample.wall_thickness load.stiffness_number load.incline
+            load.solid_fraction pack.friction pack.drag pack.tolerance
             shear.inertial_number shear.strain shear.spring_number output.frame_strain
             output.frame_start output.series_strain output.checkpoint_strain
             aqs.strain_step aqs.pressure_tolerance aqs.pressure_step aqs.birth_precision

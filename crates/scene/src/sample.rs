@@ -156,7 +156,7 @@ pub(crate) fn check(c: &mut Checker<'_>) -> Grains {
         c.useless(&keys.width, why);
     }
     let why = "is of a cell whose first stage is quasi-static strain; this sample is packed under its load";
-    c.all_useless(&[&keys.solid_fraction, &keys.placement], why);
+    c.all_useless(&[&keys.solid_fraction, &keys.aspect, &keys.placement], why);
     if c.is_given(&keys.packing) {
         check_filed(c);
         return Grains::File(arrangement);
@@ -165,12 +165,12 @@ pub(crate) fn check(c: &mut Checker<'_>) -> Grains {
         let what = "there is no packing to find walls in; give sample.packing, or leave it out";
         c.refuse(&keys.walls, what);
     }
-    sizes::check_limits(c);
+    let sizes = sizes::check(c);
     c.required(&keys.length);
     if c.dimension == Dimensions::Three {
         c.required(&keys.width);
     }
-    Grains::Inserted(sizes::check_distribution(c))
+    Grains::Inserted(sizes)
 }
 
 /// Whether grains that pass a wall are removed.
@@ -260,7 +260,7 @@ pub(crate) fn check_boxed(c: &mut Checker<'_>) -> Grains {
     c.all_useless(&WALL_KEYS, &why);
     let arrangement = arrangement(c, &PERIODIC);
     if c.is_given(&keys.packing) {
-        c.useless(&keys.placement, FOR_INSERTED);
+        c.all_useless(&[&keys.placement, &keys.aspect], FOR_INSERTED);
         c.useless(&keys.solid_fraction, "follows from sample.packing");
         check_filed(c);
         return Grains::File(arrangement);
@@ -268,8 +268,7 @@ pub(crate) fn check_boxed(c: &mut Checker<'_>) -> Grains {
     c.required(&keys.solid_fraction);
     let why = "follows from sample.solid_fraction";
     c.all_useless(&[&keys.length, &keys.width], why);
-    sizes::check_limits(c);
-    Grains::Inserted(sizes::check_distribution(c))
+    Grains::Inserted(sizes::check(c))
 }
 
 /// The sample of a file in its box.
@@ -309,7 +308,31 @@ fn read(
     })
 }
 
-/// The sample in a cubic box (square in 2D) in which its grains have the solid fraction φ.
+/// Ratios of the lengths of a box to L_x: of L_y (spheres) and of that along the last axis.
+fn aspect(c: &mut Checker<'_>) -> [f64; 2] {
+    let key = &SAMPLE.aspect;
+    if !c.is_given(key) {
+        return [1.0; 2];
+    }
+    match (c.dimension, &c.required_list(key, "ratio")[..]) {
+        (Dimensions::Two, [x, y]) => [1.0, y / x],
+        (Dimensions::Three, [x, y, z]) => [y / x, z / x],
+        (dimension, given) => {
+            let example = match dimension {
+                Dimensions::Two => "two ratios, those of L_x and L_y, such as [2.0, 1.0]",
+                Dimensions::Three => {
+                    "three ratios, those of L_x, L_y and L_z, such as [2.0, 1.0, 1.0]"
+                }
+            };
+            let what = format!("must hold {example}, found {}", given.len());
+            c.refuse(key, &what);
+            [1.0; 2]
+        }
+    }
+}
+
+/// The sample in a box of the given ratios of lengths in which its grains have the solid fraction
+/// φ.
 pub(crate) fn derive_boxed(
     c: &mut Checker<'_>,
     seed: u64,
@@ -317,23 +340,34 @@ pub(crate) fn derive_boxed(
     solid_fraction: f64,
 ) -> Result<Sample> {
     let dimension = c.dimension;
-    let sample = inserted(c, sizes)?;
+    let aspect = aspect(c);
+    let sample = Sample {
+        aspect,
+        ..inserted(c, sizes)?
+    };
     let grains = volume_in_box(seed, &sample, sizes, |r| dimension.volume(r));
-    let length = derived::box_length(dimension, grains / solid_fraction);
+    let ratios: f64 = aspect.iter().product();
+    let length = derived::box_length(dimension, grains / solid_fraction / ratios);
     let sample = sample.in_box(dimension, length);
-    if !(sample.mean_volume.is_normal() && sample.length.is_normal()) {
+    let lengths = sample.box_axes(length);
+    if !(sample.mean_volume.is_normal() && lengths.iter().all(|length| length.is_normal())) {
         return Err(c.out_of_range(&format!(
             "the mean volume of a grain comes out as {:?} and the length of the box as {:?}; check the units of [sample]",
             sample.mean_volume, sample.length
         )));
     }
     let least = sample.least_box_length();
-    if sample.length < least {
+    let shortest = lengths.into_iter().fold(f64::INFINITY, f64::min);
+    if shortest < least {
+        let remedy = if aspect == [1.0; 2] {
+            "give more grains"
+        } else {
+            "give more grains or ratios nearer to 1 (sample.aspect)"
+        };
         let what = format!(
-            "the box would be {:.3e} long, so that grains would touch their own images; give more grains, for a length of at least {least:.3e}",
-            sample.length
+            "the box would be {shortest:.3e} long, so that grains would touch their own images; {remedy}, for a length of at least {least:.3e}"
         );
-        c.refuse(&SAMPLE.grains, &what);
+        c.refuse_among(&[&SAMPLE.aspect, &SAMPLE.grains, &SAMPLE.radii], &what);
     }
     c.settle()?;
     Ok(sample)
@@ -344,14 +378,19 @@ fn inserted(c: &mut Checker<'_>, sizes: &Sizes) -> Result<Sample> {
     let dimension = c.dimension;
     let limits = sizes::radius_limits(c, sizes);
     c.settle()?;
+    let grains = match sizes {
+        Sizes::Given(radii) => radii.len() as u32,
+        _ => c.whole(&SAMPLE.grains).map_or(0, |n| n as u32),
+    };
     Ok(Sample {
-        grains: c.whole(&SAMPLE.grains).map_or(0, |n| n as u32),
+        grains,
         radius_min: limits[0],
         radius_max: limits[1],
         mean_diameter: sizes.mean(limits, |r| 2.0 * r),
         mean_volume: sizes.mean(limits, |r| dimension.volume(r)),
         length: c.known(&SAMPLE.length),
         width: c.number(&SAMPLE.width).unwrap_or(f64::INFINITY),
+        aspect: [1.0; 2],
     })
 }
 
@@ -481,6 +520,7 @@ fn filed(c: &mut Checker<'_>, file: &PackingFile) -> Result<Sample> {
         mean_volume: file.mean_volume,
         length: file.length,
         width,
+        aspect: [1.0; 2],
     })
 }
 

@@ -114,7 +114,10 @@ impl Scene {
         let file_box = self.packing().and_then(|file| file.boxed);
         let height_and_offset = match self.stages.first_strain() {
             None => file_box,
-            Some(_) => file_box.or(Some([self.sample.length, 0.0])),
+            Some(strain) => {
+                let [_, _, height] = strain.lengths(&self.sample);
+                file_box.or(Some([height, 0.0]))
+            }
         };
         let sheared = height_and_offset.map(|[height, offset]| Sheared {
             offset,

@@ -60,6 +60,9 @@ fn every_choice_reads_back_as_the_same_scene() {
         "sample.sizes=binary sample.large_fraction=0.25",
         "sample.radius_min=none sample.radius_max=none sample.sizes=list
             sample.radii=[0.5e-6,0.75e-6,1e-6]",
+        "sample.radius_min=none sample.radius_max=none sample.sizes=list
+            sample.radii=[0.5e-6,0.75e-6,1e-6] sample.radii_weights=[0.3,1,2.5]",
+        &given_radii(),
         GRADED,
         "sample.sizes=lognormal sample.radius_mean=0.7e-6 sample.radius_deviation=0.2e-6",
         "sample.sizes=power sample.radius_exponent=2.5",
@@ -75,6 +78,7 @@ fn every_choice_reads_back_as_the_same_scene() {
     ] {
         reads_back(&with(sets));
     }
+    assert_eq!(with(&given_radii()).sample.grains, 1000);
     let title = "title='''a \"quoted\" \\ title\twith # and a 'tick'. '''";
     reads_back(&load(&Source::embedded(), &[title.into()]).unwrap());
 }
@@ -91,6 +95,18 @@ fn the_choice_is_kept() {
 const GRADED: &str = "
     sample.radius_min=none sample.radius_max=none sample.sizes=table
     sample.sieves=[1e-6,1.5e-6,2e-6] sample.passing=[0.0,0.4,1.0]";
+
+/// The radius of each of a thousand grains.
+fn given_radii() -> String {
+    let radii: Vec<f64> = (0..1000)
+        .map(|k| 0.5e-6 + 0.5e-9 * f64::from(k % 997))
+        .collect();
+    let radii = format!("{radii:?}").replace(' ', "");
+    format!(
+        "sample.grains=none sample.radius_min=none sample.radius_max=none sample.sizes=given
+        sample.radii={radii}"
+    )
+}
 
 /// Spheres in parts.
 const SPHERES: &str = "
@@ -142,6 +158,8 @@ fn scenes_in_boxes_read_back() {
         ),
         ("", "seed=2"),
         ("", "dimension=2"),
+        ("", "sample.aspect=[1.3,1.1,1]"),
+        ("", "dimension=2 sample.aspect=[2,1]"),
         ("", "time.step=0.01"),
         ("", "aqs.spectrum=false aqs.until_imaginary=none"),
         (
@@ -270,7 +288,7 @@ fn what_follows_from_other_keys_is_written() {
         "contact.twisting_stiffness",
     ];
     // Without them nothing is said: other keys, files or whoever runs the scene decide.
-    const NOTHING: [&str; 12] = [
+    const NOTHING: [&str; 14] = [
         "author",
         "bookkeeping.skin",
         "bookkeeping.band_grains",
@@ -278,6 +296,8 @@ fn what_follows_from_other_keys_is_written() {
         "load.wall_mass",
         "material.fraction",
         "material.atom_type",
+        "sample.radii_weights",
+        "sample.aspect",
         "sample.replicate",
         "sample.walls",
         "sample.wall_material",

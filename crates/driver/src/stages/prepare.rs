@@ -5,9 +5,6 @@
 use std::ops::Range;
 
 use bytemuck::Zeroable;
-use rand::SeedableRng;
-use rand::seq::SliceRandom;
-use rand_chacha::ChaCha8Rng;
 
 use super::assembly::Assembly;
 use super::relax::NOT_AT_REST;
@@ -19,8 +16,8 @@ use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::state::{GrainState, Snapshot};
-use gshear_scene::insertion::{self, radius, stream};
-use gshear_scene::{Origin, Placement, QuasiStatic, Scene, Sizes};
+use gshear_scene::insertion::{Radii, stream};
+use gshear_scene::{Origin, Placement, QuasiStatic, Sample, Scene, Sizes};
 use gshear_store::status::StageProgress;
 
 /// Lattice constant over the greatest diameter.
@@ -77,8 +74,7 @@ fn sizes_of(quasi_static: &QuasiStatic) -> &Sizes {
 pub(crate) fn steps(scene: &Scene, quasi_static: &QuasiStatic) -> u64 {
     let boxes = match quasi_static.placement {
         Placement::Lattice => {
-            let (side, room) = lattice(scene);
-            let loosest = room * f64::from(side);
+            let loosest = BoxLattice::new(&scene.sample).length;
             let shrinks = (loosest / scene.sample.length).max(1.0).ln() / -SHRINKING.ln();
             shrinks.ceil() as u64
         }
@@ -238,7 +234,7 @@ fn compress<D: Dimension>(
             n => 1.0 - (1.0 - SHRINKING) * 0.5f64.powi(n),
         };
         let next = (shrinking * from).max(target);
-        grains = shrunk::<D>(at_rest, *from, next);
+        grains = shrunk(at_rest, *from, next, &scene.sample);
         length = next;
     }
 }
@@ -270,17 +266,18 @@ fn keep(run: &mut Run<'_>, step: u64, settled: Option<(f64, Vec<GrainState>)>) {
     }
 }
 
-/// The grains of a box of length `from` at rest in one of length `to`.
-fn shrunk<D: Dimension>(settled: &[GrainState], from: f64, to: f64) -> Vec<GrainState> {
+/// The grains of a box of L_x = `from` at rest in one of L_x = `to` (m).
+fn shrunk(settled: &[GrainState], from: f64, to: f64, sample: &Sample) -> Vec<GrainState> {
     let part = to / from;
+    let lengths = sample.box_axes(to);
     let mut grains = settled.to_vec();
     for g in &mut grains {
         for x in &mut g.position {
             *x *= part;
         }
         // Rounded up to the new period.
-        for x in &mut g.position[..D::AXES] {
-            if *x >= to {
+        for (x, length) in g.position.iter_mut().zip(&lengths) {
+            if *x >= *length {
                 *x = 0.0;
             }
         }
@@ -307,42 +304,79 @@ fn settle<D: Dimension>(run: &Run<'_>, assembly: &mut Assembly<'_, D>, steps: u6
 fn in_preparation(scene: &Scene, length: f64, what: &str) -> Failure {
     let sample = &scene.sample;
     let volume = f64::from(sample.grains) * sample.mean_volume;
-    let fraction = volume / length.powi(scene.dimension.axes() as i32);
+    let fraction = volume / sample.box_axes(length).iter().product::<f64>();
     Failure::numbers(format!(
         "preparing the packing in a box {length:.4e} long, solid fraction {fraction:.4}, {what}"
     ))
 }
 
-/// Sites along each axis of a lattice on which no grains touch, and its constant (m).
-fn lattice(scene: &Scene) -> (u32, f64) {
-    let sample = &scene.sample;
-    let axes = scene.dimension.axes() as u32;
-    let mut side = 1u32;
-    while u64::from(side).pow(axes) < u64::from(sample.grains) {
-        side += 1;
+/// A lattice in a box on which no grains touch.
+struct BoxLattice {
+    /// Sites along each axis.
+    sites: Vec<u32>,
+    /// Distance between them along each axis (m).
+    spacing: Vec<f64>,
+    /// L_x of its box, whose lengths have the ratios of the sample (m).
+    length: f64,
+}
+
+impl BoxLattice {
+    fn new(sample: &Sample) -> Self {
+        let ratios = sample.box_axes(1.0);
+        let mut sites = vec![1u32; ratios.len()];
+        // L_x over the distance between sites.
+        let mut length = ratios.iter().map(|ratio| 1.0 / ratio).fold(0.0, f64::max);
+        loop {
+            // As many as there is room for in this box.
+            for (along, ratio) in sites.iter_mut().zip(&ratios) {
+                while f64::from(*along + 1) / ratio <= length {
+                    *along += 1;
+                }
+            }
+            let all: u64 = sites.iter().map(|along| u64::from(*along)).product();
+            if all >= u64::from(sample.grains) {
+                break;
+            }
+            // The next box with room for one more.
+            let next = sites.iter().zip(&ratios);
+            length = next
+                .map(|(along, ratio)| f64::from(along + 1) / ratio)
+                .fold(f64::INFINITY, f64::min);
+        }
+        let unit = (2.0 * ROOM * sample.radius_max).max(sample.length / length);
+        let spacing = sites.iter().zip(&ratios);
+        Self {
+            spacing: spacing
+                .map(|(along, ratio)| unit * (length * ratio / f64::from(*along)))
+                .collect(),
+            sites,
+            length: unit * length,
+        }
     }
-    let room = (2.0 * ROOM * sample.radius_max).max(sample.length / f64::from(side));
-    (side, room)
 }
 
 /// The length of a box in which no grains touch, and this rank's part of the grains, at rest.
 fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<GrainState>) {
     let count = scene.sample.grains;
-    let axes = scene.dimension.axes() as u32;
-    let (side, room) = lattice(scene);
-    let sites = u64::from(side).pow(axes);
-    let large = large(scene, sizes);
+    let lattice = BoxLattice::new(&scene.sample);
+    let sites: u64 = lattice
+        .sites
+        .iter()
+        .map(|along| u64::from(*along))
+        .product();
+    let radii = Radii::in_box(scene.seed, &scene.sample, sizes);
     let mut grains = Vec::new();
     for id in share_of(count, rank, ranks) {
         let mut uniform = stream(scene.seed, id);
-        let radius = radius_of(scene, sizes, large[id as usize], &mut uniform);
+        let radius = radii.radius(id, &mut uniform);
         let mut site = u64::from(id) * sites / u64::from(count);
         let mut position = [0.0; 3];
-        let free = room - 2.0 * radius;
         // x varies most slowly, so that ids ascend along it.
-        for axis in (0..axes as usize).rev() {
-            let at = site % u64::from(side);
-            site /= u64::from(side);
+        for (axis, &along) in lattice.sites.iter().enumerate().rev() {
+            let at = site % u64::from(along);
+            site /= u64::from(along);
+            let room = lattice.spacing[axis];
+            let free = room - 2.0 * radius;
             position[axis] = room * at as f64 + radius + free * uniform();
         }
         grains.push(GrainState {
@@ -353,7 +387,7 @@ fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<
         });
     }
     (scene.materials).give(scene.seed, scene.sample.radius_max, &mut grains);
-    (room * f64::from(side), grains)
+    (lattice.length, grains)
 }
 
 /// The ids that a rank inserts.
@@ -366,43 +400,19 @@ pub(crate) fn share_of(grains: u32, rank: usize, ranks: usize) -> Range<u32> {
 /// All grains at random places of the box, the same on every rank.
 fn random_places(scene: &Scene, sizes: &Sizes) -> Vec<PlacedGrain> {
     let sample = &scene.sample;
-    let large = large(scene, sizes);
+    let radii = Radii::in_box(scene.seed, &scene.sample, sizes);
     let mut placed = Vec::new();
     for id in 0..sample.grains {
         let mut uniform = stream(scene.seed, id);
-        let radius = radius_of(scene, sizes, large[id as usize], &mut uniform);
+        let radius = radii.radius(id, &mut uniform);
         let mut position = [0.0; 3];
-        for x in &mut position[..scene.dimension.axes()] {
+        for (x, length) in position.iter_mut().zip(sample.box_axes(sample.length)) {
             // Rounding must not make it the period.
-            *x = (sample.length * uniform()).min(sample.length.next_down());
+            *x = (length * uniform()).min(length.next_down());
         }
         placed.push(PlacedGrain { radius, position });
     }
     placed
-}
-
-/// The radius of a grain, the first number that is drawn from its stream.
-fn radius_of(scene: &Scene, sizes: &Sizes, large: bool, uniform: &mut impl FnMut() -> f64) -> f64 {
-    let sample = &scene.sample;
-    match (sizes, large) {
-        (Sizes::Binary { .. }, true) => sample.radius_max,
-        (Sizes::Binary { .. }, false) => sample.radius_min,
-        _ => radius(sample, sizes, uniform),
-    }
-}
-
-/// The large grains of a binary mixture: exactly the number given by its fraction.
-fn large(scene: &Scene, sizes: &Sizes) -> Vec<bool> {
-    let count = scene.sample.grains as usize;
-    let mut large = vec![false; count];
-    if let Sizes::Binary { large_fraction } = sizes {
-        large[..insertion::large(scene.sample.grains, *large_fraction)].fill(true);
-        // A stream of random numbers that no grain uses.
-        let mut random = ChaCha8Rng::seed_from_u64(scene.seed);
-        random.set_stream(u64::MAX);
-        large.shuffle(&mut random);
-    }
-    large
 }
 
 #[cfg(test)]
@@ -443,6 +453,58 @@ mod tests {
                     assert!(length(apart) > a.radius + b.radius);
                 }
             }
+        }
+    }
+
+    /// The ratios of the lengths are those of the scene, the volume that of the solid fraction, and
+    /// grains on the lattice touch no others and no images of themselves in their box, whose ratios
+    /// are the same.
+    #[test]
+    fn a_box_has_the_ratios_of_the_scene() {
+        for (axes, aspect, ratios) in [
+            (2, "[2.0,1.0]", [1.0, 0.5]),
+            (2, "[1,3]", [1.0, 3.0]),
+            (3, "[1,1.25,0.8]", [1.25, 0.8]),
+            (3, "[3,2,2]", [2.0 / 3.0, 2.0 / 3.0]),
+        ] {
+            let dimension = format!("dimension={axes}");
+            let aspect = format!("sample.aspect={aspect}");
+            let (scene, sizes) = scene(TEXT, &[&dimension, &aspect, "sample.grains=400"]);
+            let sample = &scene.sample;
+            let [long, width, height] = sample.box_lengths(sample.length);
+            if axes == 3 {
+                assert!((width / long / ratios[0] - 1.0).abs() < 1e-15);
+                assert_eq!(width, sample.width);
+            }
+            assert!((height / long / ratios[1] - 1.0).abs() < 1e-15);
+            let (box_length, grains) = insert(&scene, &sizes, 0, 1);
+            let volume = |g: &GrainState| scene.dimension.volume(g.radius);
+            let all = grains.iter().map(volume).sum::<f64>();
+            let fraction = all / (long * width * height);
+            let expected = scene.stages.strain.as_ref().expect("a box").solid_fraction;
+            assert!((fraction / expected - 1.0).abs() < 1e-13, "{fraction}");
+            let parts: Vec<_> = (0..3)
+                .flat_map(|rank| insert(&scene, &sizes, rank, 3).1)
+                .collect();
+            assert_eq!(grains, parts);
+            let cell = sample.box_cell(box_length);
+            for (k, a) in grains.iter().enumerate() {
+                assert!(a.position[0] <= box_length);
+                for b in &grains[..k] {
+                    let apart = match scene.dimension {
+                        Dimensions::Two => cell.separation::<Two>(&a.position, &b.position),
+                        Dimensions::Three => cell.separation::<Three>(&a.position, &b.position),
+                    };
+                    assert!(length(apart) > a.radius + b.radius);
+                }
+            }
+            // The lattice is not much larger than its grains need.
+            let sites: u64 = BoxLattice::new(sample)
+                .sites
+                .iter()
+                .map(|n| u64::from(*n))
+                .product();
+            assert!((400..800).contains(&sites), "{sites}");
         }
     }
 

@@ -103,7 +103,7 @@ fn packed<D: LawSpace>(
 /// The height (m) of the inserted grains, and this rank's part of them.
 fn inserted(run: &Run<'_>, sizes: &Sizes) -> (f64, Vec<GrainState>) {
     let (scene, rank, size) = (run.scene, run.exchange.rank(), run.exchange.size());
-    let mut grains = Lattice::new(&scene.sample, sizes).insert(scene.seed, rank, size);
+    let mut grains = Lattice::new(scene.seed, &scene.sample, sizes).insert(rank, size);
     (scene.materials).give(scene.seed, scene.sample.radius_max, &mut grains);
     let top = grains.iter().map(|g| g.position[up(scene)] + g.radius);
     (run.exchange.maximum(top.fold(0.0, f64::max)), grains)

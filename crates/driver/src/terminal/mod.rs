@@ -179,9 +179,11 @@ impl Terminal {
         let TimeStep { step, limit, .. } = scene.time_step;
         let first_strain = scene.stages.first_strain();
         if let Some(quasi_static) = first_strain {
+            let lengths = quasi_static.lengths(sample);
             self.say(format!(
-                "{grains} in a periodic box {:.4e} long, solid fraction {:.4}",
-                sample.length, quasi_static.solid_fraction
+                "{grains} in a periodic box {}, solid fraction {:.4}",
+                box_size(lengths, scene.dimension),
+                quasi_static.solid_fraction
             ));
             if let Some(file) = scene.packing() {
                 self.say(format!("grains from {}", file.path.display()));
@@ -568,6 +570,20 @@ fn course(schedule: &Schedule, course: &Course) -> String {
         text += &format!(" and {amplitude:.4e} at {frequency:.4e} Hz");
     }
     text
+}
+
+/// What the header says of a box of these lengths (m; the second is 1 in 2D).
+fn box_size([length, width, height]: [f64; 3], dimension: Dimensions) -> String {
+    let is_planar = dimension == Dimensions::Two;
+    if length == height && (is_planar || width == length) {
+        return format!("{length:.4e} long");
+    }
+    let width = if is_planar {
+        String::new()
+    } else {
+        format!(" {width:.4e} wide,")
+    };
+    format!("{length:.4e} long,{width} {height:.4e} high")
 }
 
 /// The law's name and its derived constants.

@@ -97,19 +97,34 @@ table! {
             condition: "with `\"binary\"` and several materials",
             otherwise: "as `material.fraction` says",
         },
-        /// radii, each as likely as the others, instead of `radius_min` and `radius_max`
+        /// radii instead of `radius_min` and `radius_max`: those that grains may have, or with
+        /// `"given"` that of every grain, each used exactly once in an order drawn from the seed
         radii: Numbers(POSITIVE) {
             unit: "m",
-            condition: "one or more, with `\"list\"`",
-            what: "the radii, each as likely as the others",
+            condition: "one or more, with `\"list\"` and `\"given\"`",
+            what: "the radii",
             example: "[1e-3, 1.5e-3]",
         },
-        /// φ, the grains' volume over that of the cell, a cube (in 2D a square), in which they
-        /// come to rest without friction; where strain steps come first, instead of a load
+        /// how often each of `radii` is drawn: shares of the grains by number, over their sum
+        radii_weights: Numbers(POSITIVE) {
+            condition: "one for each of `radii`, with `\"list\"`",
+            otherwise: "each as likely as the others",
+            what: "a weight of each of sample.radii",
+            example: "[2.0, 1.0]",
+        },
+        /// φ, the grains' volume over that of the cell, in which they come to rest without
+        /// friction; where strain steps come first, instead of a load
         solid_fraction: Number(Bounds { from: Bound::Excluded(0.3), to: Bound::Excluded(1.2) }) {
             condition: "with `\"periodic\"`; without `packing`",
             what: "phi, the grains' volume over that of the cell",
             example: "0.7",
+        },
+        /// ratios of the lengths of such a cell: `[L_x, L_y, L_z]`, in 2D `[L_x, L_y]`
+        aspect: Numbers(POSITIVE) {
+            condition: "with `solid_fraction`",
+            otherwise: "a cube (in 2D a square)",
+            what: "the ratios of the lengths of the cell",
+            example: "[2.0, 1.0]",
         },
         /// where the grains of such a cell begin
         placement: Text(&PLACEMENT_NAMES) {
@@ -167,11 +182,13 @@ pub(crate) enum Distribution {
     Table,
     Binary,
     List,
+    /// The radius of every grain.
+    Given,
 }
 
 impl Distribution {
     /// The names, as `sample.sizes` has them.
-    pub(crate) const NAMES: [(&str, Distribution); 7] = [
+    pub(crate) const NAMES: [(&str, Distribution); 8] = [
         ("uniform", Distribution::Uniform),
         ("normal", Distribution::Normal),
         ("lognormal", Distribution::Lognormal),
@@ -179,6 +196,7 @@ impl Distribution {
         ("table", Distribution::Table),
         ("binary", Distribution::Binary),
         ("list", Distribution::List),
+        ("given", Distribution::Given),
     ];
 }
 

@@ -5,7 +5,7 @@ use gshear_dem::laws::keys::{Key, KeyReader};
 
 use super::keys::{Distribution, SAMPLE, SampleKeys};
 use crate::checker::Checker;
-use crate::grains::{SizeClass, Sizes};
+use crate::grains::{ListedRadius, SizeClass, Sizes};
 use crate::words::quoted_list;
 
 /// Least standard deviation of radii, over the width of their interval.
@@ -37,7 +37,8 @@ impl Distribution {
                 &keys.large_fraction_by,
                 &keys.large_material,
             ],
-            Distribution::List => vec![&keys.radii],
+            Distribution::List => vec![&keys.radii, &keys.radii_weights],
+            Distribution::Given => vec![&keys.radii],
         }
     }
 }
@@ -72,9 +73,8 @@ impl SizeKey {
     }
 }
 
-/// How many grains are inserted, and between which radii.
-pub(super) fn check_limits(c: &mut Checker<'_>) {
-    c.required_count(&SAMPLE.grains);
+/// How many grains are inserted, of which radii.
+pub(super) fn check(c: &mut Checker<'_>) -> Sizes {
     for key in [&SAMPLE.radius_min, &SAMPLE.radius_max] {
         // A list says itself which is the least and which the greatest, and so do sieves.
         if c.is_given(&SAMPLE.radii) {
@@ -85,10 +85,32 @@ pub(super) fn check_limits(c: &mut Checker<'_>) {
             c.required(key);
         }
     }
+    let sizes = check_distribution(c);
+    match &sizes {
+        Sizes::Given(radii) => check_count(c, radii.len()),
+        _ => {
+            c.required_count(&SAMPLE.grains);
+        }
+    }
+    sizes
+}
+
+/// The number of grains, if the radius of each is given.
+fn check_count(c: &mut Checker<'_>, radii: usize) {
+    let key = &SAMPLE.grains;
+    match c.whole(key) {
+        Some(grains) if grains != radii as i64 => {
+            let what = format!(
+                "must be the number of sample.radii, {radii}, as each is used once, found {grains}; leave it out"
+            );
+            c.refuse(key, &what);
+        }
+        _ => c.fill(key, radii as u64),
+    }
 }
 
 /// How the radii of inserted grains are distributed.
-pub(super) fn check_distribution(c: &mut Checker<'_>) -> Sizes {
+fn check_distribution(c: &mut Checker<'_>) -> Sizes {
     let keys = &SAMPLE;
     let Some(distribution) = c.named(&keys.sizes, &Distribution::NAMES) else {
         return Sizes::Uniform;
@@ -125,8 +147,31 @@ pub(super) fn check_distribution(c: &mut Checker<'_>) -> Sizes {
         Distribution::Binary => Sizes::Binary {
             large_fraction: large_fraction(c),
         },
-        Distribution::List => Sizes::List(c.required_list(&keys.radii, "radius")),
+        Distribution::List => Sizes::List(check_list(c)),
+        Distribution::Given => Sizes::Given(c.required_list(&keys.radii, "radius")),
     }
+}
+
+/// The radii of a list with their weights, which are 1 if they are not given.
+fn check_list(c: &mut Checker<'_>) -> Vec<ListedRadius> {
+    let radii = c.required_list(&SAMPLE.radii, "radius");
+    let weights = if c.is_given(&SAMPLE.radii_weights) {
+        c.required_list(&SAMPLE.radii_weights, "weight")
+    } else {
+        vec![1.0; radii.len()]
+    };
+    if weights.len() != radii.len() {
+        let what = format!(
+            "must hold a weight for each of the {} radii of sample.radii, found {}",
+            radii.len(),
+            weights.len()
+        );
+        c.refuse(&SAMPLE.radii_weights, &what);
+    }
+    let listed = radii.into_iter().zip(weights);
+    listed
+        .map(|(radius, weight)| ListedRadius { radius, weight })
+        .collect()
 }
 
 /// The least and the greatest radius (m). Refuses limits that cut off nearly all of the
@@ -134,10 +179,8 @@ pub(super) fn check_distribution(c: &mut Checker<'_>) -> Sizes {
 pub(super) fn radius_limits(c: &mut Checker<'_>, sizes: &Sizes) -> [f64; 2] {
     let keys = [&SAMPLE.radius_min, &SAMPLE.radius_max];
     let [least, greatest] = match sizes {
-        Sizes::List(radii) => [
-            radii.iter().copied().fold(f64::INFINITY, f64::min),
-            radii.iter().copied().fold(0.0, f64::max),
-        ],
+        Sizes::List(listed) => extremes(listed.iter().map(|one| one.radius)),
+        Sizes::Given(radii) => extremes(radii.iter().copied()),
         Sizes::Classes(classes) if c.is_given(&SAMPLE.sieves) => [
             classes.first().map_or(0.0, |class| class.between[0]),
             classes.last().map_or(0.0, |class| class.between[1]),
@@ -155,6 +198,13 @@ pub(super) fn radius_limits(c: &mut Checker<'_>, sizes: &Sizes) -> [f64; 2] {
         normal.check(c);
     }
     limits
+}
+
+/// The least and the greatest of these radii (m).
+fn extremes(radii: impl Iterator<Item = f64>) -> [f64; 2] {
+    radii.fold([f64::INFINITY, 0.0], |[least, greatest], radius| {
+        [least.min(radius), greatest.max(radius)]
+    })
 }
 
 /// A normal distribution of R, or of its logarithm, of which uniform numbers between two limits are
