@@ -492,9 +492,9 @@ fn strain_steps_stop_within() {
     }
 }
 
-/// A box of any ratio of lengths, prepared from a lattice or from random places, has the volume Σ V/φ
-/// of its grains and the same bits on any number of ranks. Its first frame, as a packing of a file
-/// whose box is that of the file, is strained to the same stresses.
+/// A box of any ratio of lengths, prepared from a lattice or from random places, has the volume
+/// Σ V/φ of its grains and the same bits on any number of ranks. Its first frame, as a packing of a
+/// file whose box is that of the file, is strained to the same stresses.
 #[test]
 fn boxes_have_the_ratios_of_the_scene() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -555,7 +555,8 @@ fn boxes_have_the_ratios_of_the_scene() {
         );
         assert_eq!(again.box_edges(0), edges);
         let pressures = run.series().column("pressure");
-        assert!(pressures[0] > 1e-3, "{pressures:?}");
+        // Far above the tolerance of the relaxation: it is jammed.
+        assert!(pressures[0] > 1e-4, "{pressures:?}");
         for name in ["pressure", "shear_stress"] {
             let [first, second] = [&run, &again].map(|run| run.series().column(name).to_vec());
             for (a, b) in first.iter().zip(&second) {

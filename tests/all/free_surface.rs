@@ -249,7 +249,7 @@ fn commands_know_a_free_surface() {
     }
     let page = folder.path().join("flow/report/index.html");
     let page = std::fs::read_to_string(page).expect("a report");
-    assert!(page.contains("Flow below a free surface") && page.contains("mean-velocity.csv"));
+    assert!(page.contains("Flow below a free surface") && page.contains("mean-velocity.svg"));
     assert!(!page.contains("Stick phases"));
     // Beside others, too, it has no phases.
     let compared = folder.path().join("compared");

@@ -382,7 +382,7 @@ fn given_radii_are_those_of_the_grains() {
         });
         assert_eq!(one.0, two.0, "{name}");
         for run in [&one.1, &two.1] {
-            let mut radii = run.grains().radius.to_vec();
+            let mut radii = run.grains().radius.clone();
             assert_ne!(radii, given, "{name}");
             radii.sort_by(f64::total_cmp);
             assert_eq!(radii, given, "{name}");

@@ -39,10 +39,6 @@ impl Kind {
 }
 
 /// What the frames of a file hold of grains and contacts.
-#[expect(
-    clippy::struct_excessive_bools,
-    reason = "columns that a file has or has not"
-)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct FrameFormat {
     /// Dimensions.

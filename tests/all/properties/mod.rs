@@ -405,7 +405,7 @@ fn configuration(path: &Path, text: &[u8], sets: &[String]) -> Result<Scene, Str
         && scene.sample.grains <= 2000
     {
         let begun = Instant::now();
-        let grains = Lattice::new(&scene.sample, sizes).insert(scene.seed, 0, 1);
+        let grains = Lattice::new(scene.seed, &scene.sample, sizes).insert(0, 1);
         let elapsed = begun.elapsed();
         assert!(elapsed < LONGEST, "{elapsed:?}: {}", scene.toml);
         assert_eq!(grains.len(), scene.sample.grains as usize);

@@ -64,13 +64,14 @@ fn json(folder: &Path) -> Value {
     serde_json::from_str(&text).expect("JSON")
 }
 
+/// A line of names, what writes a row of time, displacement and friction, and options.
+type Table<'a> = (&'a str, fn([f64; 3]) -> String, &'a [&'a str]);
+
 /// The same experiment in other units and columns gives the same law.
 #[test]
 fn columns_and_units_are_those_that_are_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    /// A line of names, what writes a row of time, displacement and friction, and options.
-    type Table<'a> = (&'a str, fn([f64; 3]) -> String, &'a [&'a str]);
     let tables: [Table<'_>; 3] = [
         (
             "# of a test\nt,lp,mu",

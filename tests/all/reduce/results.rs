@@ -8,7 +8,7 @@ use gshear_analysis::rattlers::RattlerRule;
 use gshear_dem::state::Frame;
 
 use super::fixture::{Fixture, STEPS_PER_ROW, TIME_STEP, column, strain_of};
-use super::{are_described, done, folder_with, reduce, refused};
+use super::{are_described, done, folder_with, reduce, refused, text};
 
 #[test]
 fn dmin_is_written_for_every_frame() {
@@ -627,7 +627,9 @@ fn figures_have_the_formats_that_are_asked_for() {
     );
     assert!(page.contains("<a href=\"dmin.png\">dmin.png</a>, <a href=\"dmin.pdf\">"));
     let (_folder, path) = folder_with(&fixture);
-    let said = refused(&["report", &path, "--formats", "svg,jpg"]);
+    let refused = reduce(&["report", &path, "--formats", "svg,jpg"]);
+    let said = text(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(2), "{said}");
     assert!(said.contains("must be svg, pdf or png"), "{said}");
 }
 
