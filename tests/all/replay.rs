@@ -56,7 +56,6 @@ fn a_window_is_that_of_the_run_with_frames() {
     run(SCENE, 1, &folder("frames"), &["output.frame_strain=0.005"]);
     let kept = [
         "output.frame_strain=0",
-        "output.histories=false",
         "output.keep_checkpoints=true",
         "output.checkpoint_strain=0.25",
         "analysis.scalars=true",
@@ -395,11 +394,7 @@ fn the_report_replays_the_largest_drop() {
     ];
     let coarse = report(
         "coarse",
-        &[
-            &kept[..],
-            &["output.frame_strain=0.02", "output.histories=false"],
-        ]
-        .concat(),
+        &[&kept[..], &["output.frame_strain=0.02"]].concat(),
     );
     let none = report("none", &["output.frame_strain=0"]);
     // The files of a replay go once it is shown.
@@ -454,10 +449,6 @@ fn the_report_replays_the_largest_drop() {
     // All are made and kept if asked for.
     said(&reduce(&["report", text(&folder), "--replay"]), 0);
     assert!(coarse.join("replay/run.h5").is_file() && coarse.join("replay-dmin/run.h5").is_file());
-    for command in ["spectrum", "stability"] {
-        let told = said(&reduce(&[command, text(&folder)]), 2);
-        assert!(told.contains("output.histories = false left out"), "{told}");
-    }
 }
 
 /// The states that a report shows are those right before and after the drop, and say so; the
