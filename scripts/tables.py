@@ -87,7 +87,8 @@ def wrong(root: Path, rows: list[dict[str, str]]) -> list[str]:
             said.append(f"{row['file']} is no file of {FIGURES}; remove its line")
         elif changelog_of(root, row["commit"]) is None:
             said.append(
-                f"{row['file']}: HEAD does not contain {row['commit']}; name a commit of its history"
+                f"{row['file']}: HEAD does not contain {row['commit']}; "
+                "name a commit of its history"
             )
     return said
 
