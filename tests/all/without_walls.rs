@@ -342,8 +342,8 @@ fn the_profile_of_a_report_is_of_each_frames_height() {
     assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
 }
 
-/// The radii of a run are exactly those that the scene gives, on one rank and on two, in a cell that
-/// is packed and in one of a solid fraction; the order is not that of the list.
+/// The radii of a run are exactly those that the scene gives, on one rank and on two, in a cell
+/// that is packed and in one of a solid fraction; the order is not that of the list.
 #[test]
 fn given_radii_are_those_of_the_grains() {
     let folder = tempfile::tempdir().expect("a folder");
