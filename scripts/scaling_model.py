@@ -40,7 +40,7 @@ RANK_IMBALANCE, THREAD_IMBALANCE = 1.04, 1.13
 NARROWEST = 4
 # Width of a cell of the list in diameters: the greatest diameter and the skin.
 COLUMN = 1.4
-# Steps at once, grains of the smallest band, thickness of a layer of a band in diameters, and the
+# Steps at once, grains of a thread in the smallest band, thickness of a layer of a band in diameters, and the
 # part of the grains that fit into the cache which a band may have: crates/dem/src/state/bands.rs.
 STEPS_AT_ONCE, BAND, LAYER, PART = 8, 1000, 1.65, 0.1
 
@@ -90,9 +90,9 @@ LAWS = {
         pairs=2.12,
         across=1.40,
         ghosts=0.90,
-        copied=10e-9,
+        copied=8.5e-9,
         between_threads=31e-9,
-        alone=0.48e-9,
+        alone=0.28e-9,
         density=1.03,
         times=((1e3, 14.0e-9), (5e3, 13.7e-9), (6.4e4, 14.5e-9), (1e5, 19.7e-9), (1e6, 37.5e-9)),
     ),
@@ -105,9 +105,9 @@ LAWS = {
         pairs=3.06,
         across=1.65,
         ghosts=0.77,
-        copied=20e-9,
+        copied=17e-9,
         between_threads=19e-9,
-        alone=0.77e-9,
+        alone=0.41e-9,
         density=0.98,
         times=((1e3, 30.0e-9), (5e3, 30.9e-9), (4.5e4, 33.0e-9), (96_300, 57.1e-9), (1e6, 112e-9)),
     ),
@@ -212,11 +212,13 @@ def grain(law: Law, grains: float) -> float:
     return points[-1][1]
 
 
-def has_bands(law: Law, sides: tuple[float, ...], grains: float, cache: float) -> bool:
+def has_bands(
+    law: Law, sides: tuple[float, ...], grains: float, threads: int, cache: float
+) -> bool:
     """Whether a rank advances its grains band by band, several steps at once."""
     fit = cache / law.size
     layer = grains * LAYER / sides[2]
-    return grains > fit and max(BAND, layer) <= PART * fit
+    return grains > fit and max(BAND * threads, layer) <= PART * fit
 
 
 def between_threads(law: Law, sides: tuple[float, ...], threads: int) -> float:
@@ -248,7 +250,7 @@ def step(law: Law, sample: Sample, cuts: Cuts, threads: int, machine: Machine) -
     nodes = math.ceil(ranks * threads / machine.cores)
     # All cores of a node read what does not fit into their caches; with bands once in some steps.
     missed = max(0.0, 1 - machine.cache * threads / (own * law.size))
-    banded = has_bands(law, sides, own, machine.cache * threads)
+    banded = has_bands(law, sides, own, threads, machine.cache * threads)
     traffic = law.traffic / (STEPS_AT_ONCE if banded else 1)
     from_memory = missed * traffic * on_node * threads / machine.memory
     one = max(grain(law, own / threads), from_memory)

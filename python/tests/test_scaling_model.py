@@ -64,7 +64,7 @@ def test_counts_of_the_model_are_those_of_the_table(model: ModuleType) -> None:
                 assert int(row["ghosts"]) == pytest.approx(2 * law.ghosts * area, rel=0.05)
                 compared += 1
             assert int(row["pairs"]) == pytest.approx(law.pairs * int(row["grains"]), rel=0.01)
-    assert compared == 13
+    assert compared == 14
 
 
 def test_check_has_the_constants_of_the_model(model: ModuleType) -> None:

@@ -440,7 +440,7 @@ impl<D: Dimension> System<D> {
         if self.flat.is_none() {
             let size = match self.sweep.band {
                 Some(wanted) => BandSize::given(wanted),
-                None => BandSize::by_cache::<D>(exchange.size()),
+                None => BandSize::by_cache::<D>(exchange.size(), self.pool.threads()),
             };
             // Grains may come nearer to the next band but one before they are sorted again.
             let thickness = cutoff + SLACK * self.list.diameter;

@@ -36,9 +36,9 @@ const CONSTANTS: [Constants; 2] = [
         pairs: 2.12,
         across: 1.40,
         ghosts: 0.90,
-        copied: 10e-9,
+        copied: 8.5e-9,
         between_threads: 31e-9,
-        alone: 0.48e-9,
+        alone: 0.28e-9,
     },
     Constants {
         grain: 30.9e-9,
@@ -46,9 +46,9 @@ const CONSTANTS: [Constants; 2] = [
         pairs: 3.06,
         across: 1.65,
         ghosts: 0.77,
-        copied: 20e-9,
+        copied: 17e-9,
         between_threads: 19e-9,
-        alone: 0.77e-9,
+        alone: 0.41e-9,
     },
 ];
 /// Of a sum over ranks, and of the three regions of parallel work (s).

@@ -233,13 +233,14 @@ impl BandSize {
     }
 
     /// For a last-level cache that so many `ranks` share. Bands gain nothing if all grains fit into
-    /// it, or if several bands do not fit.
-    pub fn by_cache<D: Dimension>(ranks: usize) -> Self {
+    /// it, or if several bands do not fit. Each thread has some of a band: what one does alone for
+    /// each band is to be little beside its work.
+    pub fn by_cache<D: Dimension>(ranks: usize, threads: usize) -> Self {
         let (cache, cores) = cache_and_its_cores();
         let grains = cache / ranks.clamp(1, cores) / bytes_of_a_grain::<D>();
         Self {
             least: grains,
-            wanted: 1000,
+            wanted: 1000 * threads,
             most: grains / 10,
         }
     }
