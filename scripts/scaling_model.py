@@ -40,8 +40,9 @@ RANK_IMBALANCE, THREAD_IMBALANCE = 1.04, 1.13
 NARROWEST = 4
 # Width of a cell of the list in diameters: the greatest diameter and the skin.
 COLUMN = 1.4
-# Steps at once, grains of a thread in the smallest band, thickness of a layer of a band in diameters, and the
-# part of the grains that fit into the cache which a band may have: crates/dem/src/state/bands.rs.
+# Steps at once, grains of a thread in the smallest band, thickness of a layer of a band in
+# diameters, and the part of the grains that fit into the cache which a band may have:
+# crates/dem/src/state/bands.rs.
 STEPS_AT_ONCE, BAND, LAYER, PART = 8, 1000, 1.65, 0.1
 
 
