@@ -69,7 +69,7 @@ lay_out() {
     *) fail "LAYOUT=$LAYOUT: must be auto" ;;
     esac
     [[ -z ${RUNS:-} ]] || fail "LAYOUT=auto is for one run at a time; leave out RUNS"
-    local of_node=$((ranks * threads / $2)) index=() best
+    local per_node=$((ranks * threads / $2)) index=() best
     [[ -z $1 ]] || index=(--sweep "$1")
     # Of the options of gshear-mpi, those that change the scene.
     local changes=() option next=
@@ -81,9 +81,9 @@ lay_out() {
         [[ $option != --set ]] || next=value
     done
     best=$("$program" "${arguments[0]}" ${changes[@]+"${changes[@]}"} ${index[@]+"${index[@]}"} \
-        --layouts "$2x$of_node") || exit 2
+        --layouts "$2x$per_node") || exit 2
     IFS=, read -r ranks threads _ <<<"$(sed -n 2p <<<"$best")"
-    echo "layout: $ranks ranks of $threads threads on $2 nodes of $of_node cores"
+    echo "layout: $ranks ranks of $threads threads on $2 nodes of $per_node cores"
 }
 
 # place_ranks THREADS RANKS: sets `place` to the options of Open MPI's mpirun that say where ranks of

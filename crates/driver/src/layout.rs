@@ -163,10 +163,10 @@ impl SampleSize {
     /// The ways to use all cores of some nodes, with equally many ranks on each node, and their
     /// times of a step (s), the fastest first. Those whose slabs are too narrow are left out.
     fn layouts(&self, cores: Cores) -> Vec<(Layout, f64)> {
-        let Cores { nodes, of_node } = cores;
-        let divisors = (1..=of_node).filter(|threads| of_node.is_multiple_of(*threads));
+        let Cores { nodes, per_node } = cores;
+        let divisors = (1..=per_node).filter(|threads| per_node.is_multiple_of(*threads));
         let layouts = divisors.map(|threads| Layout {
-            ranks: nodes * of_node / threads,
+            ranks: nodes * per_node / threads,
             threads,
         });
         let mut layouts: Vec<_> = layouts
@@ -181,7 +181,7 @@ impl SampleSize {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cores {
     nodes: usize,
-    of_node: usize,
+    per_node: usize,
 }
 
 impl FromStr for Cores {
@@ -189,13 +189,13 @@ impl FromStr for Cores {
 
     /// Reads `128`, of one node, or `4x32`, of 32 on each of four nodes.
     fn from_str(text: &str) -> Result<Self, String> {
-        let (nodes, of_node) = text.split_once('x').unwrap_or(("1", text));
+        let (nodes, per_node) = text.split_once('x').unwrap_or(("1", text));
         let number = |text: &str| {
             let number: u16 = text.parse().ok()?;
             (number > 0).then_some(usize::from(number))
         };
-        match (number(nodes), number(of_node)) {
-            (Some(nodes), Some(of_node)) => Ok(Self { nodes, of_node }),
+        match (number(nodes), number(per_node)) {
+            (Some(nodes), Some(per_node)) => Ok(Self { nodes, per_node }),
             _ => Err(format!(
                 "{text:?} are no cores; write 128, or 4x32 for 32 on each of four nodes"
             )),
@@ -218,7 +218,7 @@ pub fn print_layouts(exchange: &dyn Parallel, scene: &Scene, cores: Cores) -> Re
             cores.nodes
         )));
     }
-    let ideal = size.alone() / (cores.nodes * cores.of_node) as f64;
+    let ideal = size.alone() / (cores.nodes * cores.per_node) as f64;
     let mut text = String::from("ranks,threads,step_s,efficiency");
     for (Layout { ranks, threads }, step) in layouts {
         text += &format!("\n{ranks},{threads},{step:.3e},{:.3}", ideal / step);
@@ -235,7 +235,7 @@ pub(crate) fn advice(size: &SampleSize, given: Layout) -> Option<String> {
     let time = size.step(given)?;
     let of_one_node = Cores {
         nodes: 1,
-        of_node: cores,
+        per_node: cores,
     };
     let (best, least) = *size.layouts(of_one_node).first()?;
     let ratio = time / least;
