@@ -5,6 +5,7 @@ pub mod compare;
 mod correlate;
 pub(crate) mod dmin;
 mod export;
+mod figure_arguments;
 mod growth;
 mod info;
 mod movie;

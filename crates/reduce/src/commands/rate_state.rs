@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 
 use self::laboratory::Stiffness;
+use super::figure_arguments::FigureArguments;
 use crate::printer::Printer;
 use crate::results::Results;
 use gshear_analysis::rate_state::{
@@ -58,14 +59,8 @@ pub struct Arguments {
     /// the fit]
     #[arg(long, value_name = "A", value_parser = super::positive)]
     direct_effect: Option<f64>,
-    /// Formats of the files of figures: svg, pdf, png
-    #[arg(
-        long,
-        value_delimiter = ',',
-        value_name = "FORMAT,...",
-        default_value = "svg"
-    )]
-    formats: Vec<Format>,
+    #[command(flatten)]
+    figures: FigureArguments,
     /// Folder to write into [default: the first run's folder + /rate-state; of a table
     /// NAME-rate-state beside it]
     #[arg(long, value_name = "DIR")]
@@ -181,7 +176,7 @@ impl Arguments {
             form,
             stiffness,
             direct_effect: self.direct_effect,
-            formats: self.formats.clone(),
+            formats: self.figures.formats.clone(),
         })
     }
 }

@@ -4,6 +4,7 @@ mod sweep;
 
 use std::path::{Path, PathBuf};
 
+use super::figure_arguments::FigureArguments;
 use super::rate_state;
 use super::replay::{self, Rows};
 use crate::printer::Printer;
@@ -51,14 +52,8 @@ pub struct Arguments {
     /// Share of the rows of each run, from the first on, that means leave out [default: 0.5]
     #[arg(long, value_name = "SHARE", value_parser = share)]
     start: Option<f64>,
-    /// Formats of the files of figures: svg, pdf, png
-    #[arg(
-        long,
-        value_delimiter = ',',
-        value_name = "FORMAT,...",
-        default_value = "svg"
-    )]
-    formats: Vec<Format>,
+    #[command(flatten)]
+    figures: FigureArguments,
     /// Compute parts of the run again, however long it takes, and keep the folders replay and
     /// replay-dmin with them
     #[arg(long)]
@@ -104,7 +99,7 @@ impl Arguments {
         let again = Replays { choice, threads };
         let pages = Pages {
             again: &again,
-            formats: &self.formats,
+            formats: &self.figures.formats,
         };
         // A later stage has a page of its own; Newton's equations are on that of the strain steps.
         let mut later = None;

@@ -93,7 +93,7 @@ pub fn write(
         start,
         skipped: &skipped,
     };
-    let written = sweep.write(&heading, &arguments.formats, folder)?;
+    let written = sweep.write(&heading, &arguments.figures.formats, folder)?;
     written.iter().try_for_each(|path| printer.wrote(path))
 }
 
