@@ -23,6 +23,13 @@ const BIAXIAL: [&str; 3] = [
     "--set=aqs.pressure=0.008",
     "--set=aqs.steps=4",
 ];
+const PROTOCOL: [&str; 4] = [
+    "--set=aqs.deformation=protocol",
+    "--set=aqs.steps=none",
+    "--set=aqs.pressure=0.008",
+    "--set=aqs.protocol=[{ strain_zz = 3e-3, stress_xx = 0.008, pressure = 0.0085 }, \
+     { shear_strain = 2e-3, cycles = 1, stress_zz = 0.008 }]",
+];
 const NO_LAST_STAGE: [&str; 3] = [
     "--set=newtonian.growth_times=none",
     "--set=newtonian.rows=none",
@@ -422,6 +429,11 @@ fn a_biaxial_test_keeps_the_contracts() {
 }
 
 #[test]
+fn a_protocol_keeps_the_contracts() {
+    keeps_the_contracts(&PROTOCOL, &SPHERES);
+}
+
+#[test]
 fn simple_shear_at_a_pressure_keeps_the_contracts() {
     keeps_the_contracts(&["--set=aqs.steps=4", "--set=aqs.pressure=0.008"], &SPHERES);
 }
@@ -446,6 +458,7 @@ fn strain_steps_stop_within() {
         ("birth", &birth),
         ("biaxial", &BIAXIAL),
         ("compression", &COMPRESSION),
+        ("protocol", &PROTOCOL),
     ] {
         let parts = [more, &NO_LAST_STAGE];
         let whole = run(&at("whole"), 1, &parts);

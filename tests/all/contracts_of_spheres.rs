@@ -1,5 +1,6 @@
 //! The contracts of spheres, through the real program: bits compared, never approximately.
 
+use std::fmt::Write;
 use std::path::Path;
 
 use crate::common::{avx2, beyond_the_digest, gshear_mpi, reducer, same_run};
@@ -173,6 +174,53 @@ fn spheres_under_a_spring_keep_the_contracts() {
         run(&format!("packed-{ranks}"), ranks, &further).digest()
     };
     assert_eq!(packed(1), packed(3), "3 ranks pack");
+}
+
+/// Halos so wide that all threads of a rank copy their records: a block of cells of spheres that
+/// touch, of 40 by 40 across the slabs.
+#[test]
+fn wide_halos_keep_the_contracts() {
+    const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing-3d.toml");
+    const LAYERS: [usize; 3] = [8, 40, 40];
+    const SPACING: f64 = 2e-3;
+    let folder = tempfile::tempdir().expect("a folder");
+    let [along, across, up] = LAYERS.map(|layers| layers as f64 * SPACING);
+    let mut text = format!(
+        "Spheres in cubes\n\n{} atoms\n3 atom types\n\n0.0 {along} xlo xhi\n0.0 {across} ylo yhi\n\
+         0.0 {up} zlo zhi\n\nAtoms # sphere\n\n",
+        LAYERS.iter().product::<usize>(),
+    );
+    for id in 0..LAYERS.iter().product() {
+        let [k, l, m] = [id % 8, id / 8 % 40, id / 320];
+        let body = match m {
+            0 => 2,
+            39 => 3,
+            _ => 1,
+        };
+        // Of different sizes, so that the forces on a sphere do not cancel.
+        let diameter = SPACING * (1.002 + 1e-3 * (id * 7919 % 13) as f64 / 13.0);
+        let [x, y, z] = [k, l, m].map(|layer| (layer as f64 + 0.5) * SPACING);
+        let atom = id + 1;
+        writeln!(text, "{atom} {body} {diameter} 2500 {x} {y} {z}").expect("a line");
+    }
+    let packing = folder.path().join("cubes.data");
+    std::fs::write(&packing, text).expect("a packing");
+    let run = |name: &str, ranks, further: &[&str]| {
+        let mut arguments = vec![
+            SCENE.to_string(),
+            format!("--set=sample.packing={}", packing.display()),
+            "--set=shear.protocol=[{ velocity = 3.0, distance = 1e-4 }]".into(),
+        ];
+        arguments.extend(further.iter().map(ToString::to_string));
+        gshear_mpi(ranks, &folder.path().join(name), &arguments).digest()
+    };
+    let expected = run("one", 1, &[]);
+    for (ranks, threads) in [(2, 2), (2, 3), (3, 2)] {
+        let name = format!("{ranks}-{threads}");
+        let digest = run(&name, ranks, &[&format!("--threads={threads}")]);
+        assert_eq!(digest, expected, "{ranks} ranks, {threads} threads");
+        same_run(&folder.path().join("one"), &folder.path().join(name));
+    }
 }
 
 /// That spheres change slabs and cross both seams, and contacts slide across.

@@ -7,6 +7,7 @@
 mod accuracy;
 mod bad_input;
 mod box_deformations;
+mod box_protocols;
 mod box_rolling;
 mod box_runs;
 mod box_stages;

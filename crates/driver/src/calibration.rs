@@ -13,7 +13,7 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
 use gshear_dem::state::{Cell, GrainState, Sheared};
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{Deformation, Dimensions, Method, Sample, Scene};
+use gshear_scene::{Deformation, Dimensions, Method, Sample, Scene, StrainPart};
 
 use crate::estimate::{StrainStepTime, index};
 use crate::launch::Task;
@@ -246,7 +246,8 @@ fn timed_steps<D: LawSpace>(assembly: &mut Assembly<'_, D>, steps: u64) -> Resul
 
 /// Factorisations of K, each with its solves, in a relaxation by Newton's method.
 const FACTORISATIONS: f64 = 2.0;
-/// Relaxations in a strain step of simple or pure shear, of a biaxial box and of a compression.
+/// Relaxations in a strain step of simple or pure shear, of a biaxial box or another that controls
+/// stresses, and of a compression.
 const RELAXATIONS: [f64; 3] = [1.0, 4.0, 15.0];
 /// Time of a measurement of Newton's method after which larger lattices are extrapolated to (s).
 const LONG: f64 = 0.3;
@@ -278,10 +279,18 @@ fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<StrainStepTime>
         }
         grains = all.min(grains.saturating_mul(4));
     };
-    let relaxations = match quasi_static.deformation {
+    let relaxations = match &quasi_static.deformation {
         Deformation::SimpleShear | Deformation::PureShear => RELAXATIONS[0],
         Deformation::Biaxial => RELAXATIONS[1],
         Deformation::Compression(_) => RELAXATIONS[2],
+        Deformation::Protocol(parts) => {
+            let of_part = |part: &StrainPart| {
+                let is_controlled = part.controls().next().is_some();
+                part.steps as f64 * RELAXATIONS[usize::from(is_controlled)]
+            };
+            let steps = quasi_static.aqs.steps.max(1) as f64;
+            parts.iter().map(of_part).sum::<f64>() / steps
+        }
     };
     let relaxation = FACTORISATIONS * relaxation;
     let mut step = relaxations * relaxation;

@@ -3,7 +3,7 @@
 
 use gshear_dem::failure::{Failure, Result};
 use gshear_scene::schedule::Schedule;
-use gshear_scene::{RunStage, Scene, Stages};
+use gshear_scene::{QuasiStatic, RunStage, Scene, Stages};
 
 use crate::continuation::{WallScene, has_another_speed};
 use crate::header::Header;
@@ -33,15 +33,19 @@ pub(crate) fn check(task: &Task, stop_at: Option<u64>) -> Result<()> {
     if let (Some(now), Some(former)) = (WallScene::of(scene), WallScene::of(before)) {
         check_shear(header, now, former)?;
     }
-    check_strain(header, scene)
+    check_strain(header, scene, before)
 }
 
 /// Refuses another end of a stage before the one of the checkpoint.
 fn ended(header: &Header, stage: RunStage, scene: &Scene, before: &Scene) -> Result<()> {
     let [now, former] = [scene, before].map(|scene| &scene.stages);
     let end_of_strain = |stages: &Stages| {
-        let aqs = stages.strain.as_ref().map(|strain| strain.aqs);
-        aqs.map(|aqs| (aqs.steps, aqs.until_imaginary))
+        let strain = stages.strain.as_ref();
+        strain.map(
+            |QuasiStatic {
+                 aqs, deformation, ..
+             }| { (aqs.steps, aqs.until_imaginary, deformation.clone()) },
+        )
     };
     if now.after(RunStage::Strain).contains(&stage) && end_of_strain(now) != end_of_strain(former) {
         return past(header, "aqs", "another strain step");
@@ -136,7 +140,7 @@ fn same_drive(schedule: &Schedule, earlier: &Schedule, step: u64) -> Result<()> 
     Ok(())
 }
 
-fn check_strain(header: &Header, scene: &Scene) -> Result<()> {
+fn check_strain(header: &Header, scene: &Scene, before: &Scene) -> Result<()> {
     let Some(quasi_static) = &scene.stages.strain else {
         return Ok(());
     };
@@ -145,8 +149,23 @@ fn check_strain(header: &Header, scene: &Scene) -> Result<()> {
             let steps = quasi_static.aqs.steps;
             let unfinished = strain.unfinished.as_ref();
             let is_begun = unfinished.is_some_and(|unfinished| unfinished.work.is_step());
-            if steps < strain.progress.steps + u64::from(is_begun) {
-                return past(header, "aqs.steps", format!("strain step {steps}"));
+            let begun = strain.progress.steps + u64::from(is_begun);
+            if steps < begun {
+                let key = if quasi_static.deformation.is_protocol() {
+                    "aqs.protocol"
+                } else {
+                    "aqs.steps"
+                };
+                return past(header, key, format!("strain step {steps}"));
+            }
+            let former = before.stages.strain.as_ref();
+            if former
+                .is_some_and(|former| !quasi_static.deformation.agrees(&former.deformation, begun))
+            {
+                return Err(Failure::input(format!(
+                    "aqs.protocol: the first {begun} strain steps would have had other parts; keep those parts as they were, \
+                     and change only what comes after them"
+                )));
             }
         }
         Header::Newtonian(checkpoint) => {

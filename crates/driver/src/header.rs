@@ -14,6 +14,7 @@ use gshear_dem::state::{Cell, Sheared, Snapshot};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Origin, PackingFile, RunStage, Sample, Scene, Source, Stages};
+use gshear_store::box_columns::strain_columns;
 use gshear_store::checkpoint;
 use gshear_store::file_names::part_of;
 use gshear_store::run_reader::series_columns;
@@ -105,12 +106,12 @@ pub struct NewtonianHeader {
 
 impl NewtonianHeader {
     /// The start after the strain steps, and so many steps of the stages before these.
-    pub(crate) fn after(before: u64, progress: StrainProgress) -> Self {
+    pub(crate) fn after(before: u64, progress: &StrainProgress) -> Self {
         Self {
             step: 0,
             origin: TimeOrigin::default(),
             before,
-            progress,
+            progress: *progress,
             written: Written::default(),
             lines: 0,
         }
@@ -303,7 +304,12 @@ impl Header {
         };
         Some(ContinuedFile {
             name: part_of(stages, stage),
-            columns: series_columns(stage),
+            columns: match (stage, &stages.strain) {
+                (RunStage::Strain, Some(strain)) => {
+                    strain_columns(strain.deformation.is_protocol())
+                }
+                _ => series_columns(stage),
+            },
             written,
         })
     }
@@ -624,8 +630,8 @@ pub enum Search {
     Rest,
     /// The next trial on the way to a pressure.
     Pressure(Pressing),
-    /// The next correction of the lateral stress.
-    Lateral(Correction),
+    /// The next correction of stresses.
+    Stresses(Correction),
     /// The next bisection of the birth of a pair, between these strains after the last but one
     /// strain step. The states at the lower one and after the last strain step are held.
     Birth {
@@ -665,21 +671,29 @@ pub struct Beyond {
     pub pressure: Option<f64>,
 }
 
-/// The way to a lateral stress in a strain step of a biaxial box.
+/// The way to some stresses in a strain step: of each control the stress, and the strain of the axes
+/// that it moves. Without so many controls the last values are 0.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Correction {
     /// Corrections so far.
     pub count: usize,
-    /// Change of the logarithm of the lateral lengths so far, and in the last correction.
-    pub total: f64,
-    /// That of the last correction.
-    pub by: f64,
-    /// Change of the lateral stress by the logarithm of the lateral lengths.
-    pub modulus: f64,
-    /// The lateral stress before the last correction, less the wanted one; `None` before the first.
-    pub excess: Option<f64>,
+    /// The stresses that are to be reached.
+    pub wanted: [f64; 3],
+    /// Changes of the logarithms of the lengths so far.
+    pub total: [f64; 3],
+    /// Those of the last correction.
+    pub by: [f64; 3],
+    /// How the stresses fall with the logarithms.
+    pub moduli: Moduli,
+    /// The stresses before the last correction, less the wanted ones; `None` before the first.
+    pub excess: Option<[f64; 3]>,
 }
+
+/// How stresses fall with the logarithms of lengths, a row for each stress.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Moduli(pub [[f64; 3]; 3]);
 
 /// A box whose lengths change.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -688,11 +702,22 @@ pub struct Stretched {
     pub lengths: [f64; 3],
     /// Those before the first strain step.
     pub initial: [f64; 3],
-    /// Change of the lateral stress by the logarithm of the lateral lengths, as last measured.
+    /// Sum over the strain steps of the greatest change of γ or of the logarithm of a length.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub path: f64,
+    /// How the last strain step came to its stresses.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lateral_modulus: Option<f64>,
-    /// Change of the logarithm of the lateral lengths in the last strain step.
-    pub lateral_strain: f64,
+    pub corrected: Option<Corrected>,
+}
+
+/// How a strain step came to its stresses.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Corrected {
+    /// As last measured.
+    pub moduli: Moduli,
+    /// Of each control the change of the logarithms of the lengths.
+    pub strain: [f64; 3],
 }
 
 impl Stretched {
@@ -707,8 +732,8 @@ impl Stretched {
         Self {
             lengths,
             initial: lengths,
-            lateral_modulus: None,
-            lateral_strain: 0.0,
+            path: 0.0,
+            corrected: None,
         }
     }
 }

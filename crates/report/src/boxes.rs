@@ -11,6 +11,7 @@ use gshear_store::file_names::SPECTRA_FILE;
 use gshear_store::run_reader::{RunFile, RunStage, Series};
 
 use super::ReportFigure;
+use super::box_protocol;
 use super::curves::lines;
 use super::eigenvalue_figures::{self, SpectrumRow};
 use super::history::{Axis, LAYOUT, drawn};
@@ -40,7 +41,7 @@ impl Measured {
         let (x, y) = (series.column("stress_xx"), series.column("stress_yy"));
         let (lateral, axial) = match (run.dimension().axes(), &*deformation.key) {
             (2, _) => (x.to_vec(), y),
-            (_, "biaxial") => (
+            (_, "biaxial" | "protocol") => (
                 combined(x, y, |x, y| 0.5 * (x + y)),
                 series.column("stress_zz"),
             ),
@@ -54,7 +55,7 @@ impl Measured {
                 combined(axial, &lateral, |a, l| 0.5 * (a - l)),
                 [difference, sum],
             ),
-            "biaxial" => (difference.clone(), [difference, sum]),
+            "biaxial" | "protocol" => (difference.clone(), [difference, sum]),
             "compression" => {
                 let none = vec![f64::NAN; pressure.len()];
                 (pressure.to_vec(), [none.clone(), none])
@@ -67,6 +68,7 @@ impl Measured {
         let solid = series.column("solid_fraction").iter();
         let strain: Vec<f64> = match &*deformation.key {
             "compression" => solid.map(|phi| phi.ln()).collect(),
+            "protocol" | "protocol-shear" => box_protocol::strain(run).to_vec(),
             _ => series.column("strain").to_vec(),
         };
         let slopes = (0..strain.len()).map(|k| match k {
@@ -101,7 +103,7 @@ impl Measured {
     fn figures(&self, axis: &Axis, series: &Series) -> Vec<ReportFigure> {
         let deformation = self.deformation;
         let mut friction = "Sine of the mobilised friction angle: difference of the stresses along the height and across it, over their sum.";
-        if deformation.key == "simple-shear" {
+        if deformation.is_shear() {
             friction = "Shear stress over pressure.";
         }
         let curves = [
@@ -135,19 +137,20 @@ impl Measured {
 }
 
 /// A figure of one quantity.
-struct MeasuredCurve<'a> {
-    name: &'static str,
-    caption: String,
+pub struct MeasuredCurve<'a> {
+    pub name: &'static str,
+    pub caption: String,
     /// At the axis.
-    label: &'a str,
+    pub label: &'a str,
     /// In the data.
-    column: &'static str,
-    values: &'a [f64],
+    pub column: &'static str,
+    /// `[L]`.
+    pub values: &'a [f64],
 }
 
 impl MeasuredCurve<'_> {
     /// `None` without two values.
-    fn drawn(self, axis: &Axis, series: &Series) -> Option<ReportFigure> {
+    pub fn drawn(self, axis: &Axis, series: &Series) -> Option<ReportFigure> {
         let svg = lines(LAYOUT, axis.abscissa(), self.label, &[("", self.values)])?;
         let data = axis.table_of(series, &[(self.column, self.values)]);
         Some(ReportFigure::new(self.name, self.caption, svg, data))
@@ -250,9 +253,10 @@ fn over_strain(run: &RunFile, facts: &mut Facts) -> (&'static str, Vec<ReportFig
     let friction = &measured.friction;
     let known = (0..strain.len()).filter(|k| friction[*k].is_finite());
     if let Some(k) = known.max_by(|a, b| friction[*a].total_cmp(&friction[*b])) {
-        let angle = match &*measured.deformation.key {
-            "simple-shear" => friction[k].atan(),
-            _ => friction[k].asin(),
+        let angle = if measured.deformation.is_shear() {
+            friction[k].atan()
+        } else {
+            friction[k].asin()
         };
         let (angle, at) = (angle.to_degrees(), percent(strain[k]));
         let text = format!("{:.4} ({angle:.1}°) at a strain of {at}", friction[k]);
@@ -273,6 +277,10 @@ fn over_strain(run: &RunFile, facts: &mut Facts) -> (&'static str, Vec<ReportFig
     let panels = PANELS.strain.iter();
     let panels = panels.filter(|panel| panel.lines[0][0] != measured.deformation.axis.0);
     figures.extend(panels.filter_map(|panel| drawn(run, &axis, panel)));
+    if measured.deformation.is_protocol() {
+        let label = &measured.deformation.stress[1];
+        figures.extend(box_protocol::figures(run, &axis, label, &measured.stress));
+    }
     (&measured.deformation.name, figures)
 }
 

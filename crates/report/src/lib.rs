@@ -21,6 +21,7 @@
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
+mod box_protocol;
 mod boxes;
 pub mod colour;
 mod curves;

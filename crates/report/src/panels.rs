@@ -5,6 +5,8 @@ use std::sync::LazyLock;
 use gshear_store::run_reader::RunFile;
 use serde::Deserialize;
 
+use super::box_protocol;
+
 /// # Panics
 /// If `panels.toml` is wrong, which is a bug.
 pub(crate) static PANELS: LazyLock<Panels> =
@@ -92,12 +94,26 @@ pub struct Deformation {
 }
 
 impl Deformation {
+    /// Whether the shear stress works on it.
+    pub fn is_shear(&self) -> bool {
+        ["simple-shear", "protocol-shear"].contains(&&*self.key)
+    }
+
+    /// Whether it is a list of parts.
+    pub fn is_protocol(&self) -> bool {
+        self.key.starts_with("protocol")
+    }
+
     /// The deformation of a box.
     pub fn of(run: &RunFile) -> &'static Self {
         let scene = run.scene().parse::<toml::Table>().unwrap_or_default();
         let key = scene
             .get("aqs")
             .and_then(|table| table.get("deformation")?.as_str());
+        let key = match key {
+            Some("protocol") if box_protocol::has_sheared(run.series()) => Some("protocol-shear"),
+            key => key,
+        };
         let known = &PANELS.deformations;
         let deformation = known.iter().find(|known| Some(&*known.key) == key);
         deformation.unwrap_or(&known[0])

@@ -67,6 +67,7 @@ mod merge;
 mod output;
 mod overrides;
 pub mod packing;
+mod part_values;
 mod protocol;
 mod quasi_static;
 pub mod reference;
@@ -75,6 +76,7 @@ mod scene;
 pub mod schedule;
 mod source;
 mod stages;
+mod strain_protocol;
 pub mod sweep;
 mod table;
 pub mod templates;
@@ -110,6 +112,7 @@ pub use sample::{Arrangement, Origin, PackingFile, Placement, ReadPacking, Walls
 pub use scene::Scene;
 pub use source::Source;
 pub use stages::{RunStage, Stages};
+pub use strain_protocol::{StrainPart, StressControl};
 pub use time::TimeStep;
 pub use walls::{Pack, PlaneShear};
 

@@ -3,7 +3,7 @@
 use gshear_dem::boundary::Boundary;
 use gshear_dem::failure::Result;
 use gshear_dem::laws::Law;
-use gshear_dem::laws::keys::{ANY, Change, Key, KeyReader, POSITIVE, Values};
+use gshear_dem::laws::keys::{ANY, Change, Key, KeyReader, POSITIVE};
 use gshear_dem::protocol::{Along, Course, Imposed, Normal, Part, Ramp};
 use gshear_dem::wave::Wave;
 
@@ -11,8 +11,9 @@ use crate::checker::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
 use crate::grains::Sample;
 use crate::load::Load;
+use crate::part_values::{PartRules, PartValues};
 use crate::table::table;
-use crate::value::{Value, refusal};
+use crate::value::Value;
 use crate::words::show;
 
 table! {
@@ -307,8 +308,12 @@ fn parts(
     Ok(parts)
 }
 
-/// The values of a part, by their names.
-struct PartValues<'v>(&'v [(String, f64)]);
+/// Which keys of a part go together.
+static RULES: PartRules = PartRules {
+    table: PartKeys::TABLE,
+    needs: &NEEDS,
+    exclusive: &EXCLUSIVE,
+};
 
 /// Keys that need another one.
 static NEEDS: [(&Key, &[&Key]); 12] = [
@@ -339,11 +344,6 @@ static EXCLUSIVE: [&[&Key]; 5] = [
 ];
 
 impl PartValues<'_> {
-    fn value(&self, key: &Key) -> Option<f64> {
-        let known = self.0.iter().find(|(name, _)| name == key.path);
-        known.map(|(_, x)| *x)
-    }
-
     fn wave(&self, amplitude: &Key, frequency: &Key) -> Option<Wave> {
         Some(Wave {
             amplitude: self.value(amplitude)?,
@@ -364,7 +364,7 @@ impl PartValues<'_> {
     /// The part after `before`. `pressure` (Pa): at the end of the part before, then at the end of
     /// this one.
     fn part(&self, pressure: &mut f64, before: Option<&Part>) -> Result<Part, String> {
-        self.check()?;
+        self.check(&RULES)?;
         let along = self.along(before)?;
         let normal = if let Some(velocity) = self.value(&PART.wall_velocity) {
             Normal::Velocity(velocity)
@@ -385,33 +385,6 @@ impl PartValues<'_> {
             },
             time: self.time(along)?,
         })
-    }
-
-    /// Refuses values out of range, and keys that do not go together.
-    fn check(&self) -> Result<(), String> {
-        for (name, x) in self.0 {
-            // Unknown keys have been refused.
-            let known = PartKeys::TABLE.key(name);
-            if let Some(Values::Number(range)) = known.map(|key| key.values)
-                && let Some(what) = refusal(range, *x)
-            {
-                return Err(format!("{name} {what}"));
-            }
-        }
-        for (key, others) in NEEDS {
-            if self.value(key).is_some() && others.iter().all(|other| self.value(other).is_none()) {
-                let others: Vec<&str> = others.iter().map(|other| other.path).collect();
-                let others = others.join(" or ");
-                return Err(format!("{} needs {others}; give it as well", key.path));
-            }
-        }
-        for keys in EXCLUSIVE {
-            let given = keys.iter().filter(|key| self.value(key).is_some());
-            if let [one, other, ..] = given.map(|key| key.path).collect::<Vec<_>>()[..] {
-                return Err(format!("has both {one} and {other}; give one of them"));
-            }
-        }
-        Ok(())
     }
 
     /// What moves the top wall along x: a velocity (m/s), γ, or a stress (Pa).

@@ -12,10 +12,18 @@ use gshear_dem::laws::keys::{
 use crate::checker::Checker;
 use crate::grains::Sample;
 use crate::sample::{self, Grains, Origin, Placement, ReadPacking, SAMPLE};
+use crate::strain_protocol::{self, StrainPart, StrainPartKeys};
 use crate::table::{names, table};
+use crate::value::Value;
 
 /// Names of [`Deformation`].
-const DEFORMATION_NAMES: [&str; 4] = ["simple-shear", "pure-shear", "biaxial", "compression"];
+const DEFORMATION_NAMES: [&str; 5] = [
+    "simple-shear",
+    "pure-shear",
+    "biaxial",
+    "compression",
+    "protocol",
+];
 
 /// The methods and their names.
 const METHODS: [(&str, Method); 2] = [
@@ -51,12 +59,12 @@ table! {
             default: DEFORMATION_NAMES[0],
             change: Change::Never,
         },
-        /// δγ, or δε of a biaxial cell
+        /// δγ, or δε of a biaxial cell; of a protocol that of each of its strains, at most
         strain_step: Number(UNIT) { what: "delta gamma", example: "1e-4" },
         /// number of strain steps
         steps: Whole(FROM_ZERO) {
-            condition: "not with `\"compression\"`",
-            otherwise: "number of `pressures`",
+            condition: "not with `\"compression\"` and `\"protocol\"`",
+            otherwise: "number of `pressures`, or of those of the parts",
             what: "the number of strain steps",
             example: "100",
             change: Change::End,
@@ -67,6 +75,12 @@ table! {
             condition: "each, one or more, with `\"compression\"`",
             what: "the pressures that the packing is to reach",
             example: "[1e-4, 1e-3]",
+        },
+        /// a list of parts, each of which imposes strains and stresses along the axes
+        protocol: Parts(StrainPartKeys::TABLE.own) {
+            condition: "one part or more, with `\"protocol\"`",
+            otherwise: "none",
+            change: Change::End,
         },
         /// the cell is compressed or expanded to this pressure, with the scene's friction, before
         /// the first strain step; with `"biaxial"` the lateral stress, too
@@ -163,10 +177,14 @@ impl QuasiStatic {
     /// The least pressure to which the packing is brought, if it is brought to any.
     pub(crate) fn least_pressure(&self) -> Option<f64> {
         let steps = match &self.deformation {
-            Deformation::Compression(pressures) => &pressures[..],
-            _ => &[],
+            Deformation::Compression(pressures) => pressures.clone(),
+            Deformation::Protocol(parts) => {
+                let controls = parts.iter().flat_map(StrainPart::controls);
+                controls.map(|control| control.stress).collect()
+            }
+            _ => Vec::new(),
         };
-        let all = self.pressure.iter().chain(steps).copied();
+        let all = self.pressure.into_iter().chain(steps);
         all.reduce(f64::min)
     }
 }
@@ -182,6 +200,35 @@ pub enum Deformation {
     Biaxial,
     /// Changes all lengths by the same factor, until the pressure is the next one of these.
     Compression(Vec<f64>),
+    /// Strains the axes, or brings their stresses to values, part by part.
+    Protocol(Vec<StrainPart>),
+}
+
+impl Deformation {
+    /// Whether it is a list of parts.
+    pub fn is_protocol(&self) -> bool {
+        matches!(self, Self::Protocol(_))
+    }
+
+    /// Whether the first strain steps, so many, are the same as those of another deformation, where
+    /// parts may follow.
+    pub fn agrees(&self, other: &Self, steps: u64) -> bool {
+        match (self, other) {
+            (Self::Protocol(parts), Self::Protocol(others)) => {
+                StrainPart::begun(parts, steps) == StrainPart::begun(others, steps)
+            }
+            _ => true,
+        }
+    }
+
+    /// Whether strain steps may bring stresses of the cell to values: parts of a protocol that do
+    /// may be appended.
+    fn has_stresses(&self) -> bool {
+        match self {
+            Self::SimpleShear | Self::PureShear => false,
+            Self::Biaxial | Self::Compression(_) | Self::Protocol(_) => true,
+        }
+    }
 }
 
 /// How mechanical equilibrium is found.
@@ -269,7 +316,7 @@ pub(crate) struct StrainKeys {
 pub(crate) fn check(c: &mut Checker<'_>) -> StrainKeys {
     let deformation = check_deformation(c);
     let pressure = check_pressure(c, &deformation);
-    let has_pressure = pressure.is_some() || matches!(deformation, Deformation::Compression(_));
+    let has_pressure = pressure.is_some() || deformation.has_stresses();
     StrainKeys {
         placement: c
             .named(&SAMPLE.placement, &Placement::NAMES)
@@ -354,28 +401,71 @@ pub(crate) fn derive(
 /// The least length of the box, as far as it follows from the number of strain steps.
 fn shortest(sample: &Sample, stage: &QuasiStatic) -> f64 {
     let strain = stage.aqs.strain_step * stage.aqs.steps as f64;
-    let shrinks = match stage.deformation {
+    let lengths = stage.lengths(sample);
+    let [length, _, height] = lengths;
+    let shrinks = match &stage.deformation {
         Deformation::PureShear => 0.5 * strain,
         Deformation::Biaxial => strain,
         Deformation::SimpleShear | Deformation::Compression(_) => 0.0,
+        Deformation::Protocol(parts) => return shortest_of_parts(sample, lengths, parts),
     };
-    let [length, _, height] = stage.lengths(sample);
     length.min(height * portable_exp(-shrinks))
+}
+
+/// The least length of a box of these lengths that has the strains of the parts.
+fn shortest_of_parts(sample: &Sample, lengths: [f64; 3], parts: &[StrainPart]) -> f64 {
+    let [length, width, height] = lengths;
+    let lengths = sample.by_dimension(vec![length, height], vec![length, width, height]);
+    let mut shortest = f64::INFINITY;
+    for (axis, length) in lengths.into_iter().enumerate() {
+        let mut strain = 0.0;
+        for part in parts {
+            let most = strain + part.most_compressed(axis);
+            shortest = shortest.min(length * portable_exp(-most));
+            strain += part.strain[axis] * part.share(part.steps);
+        }
+    }
+    shortest
 }
 
 /// What a strain step does, with the pressures of a compression.
 fn check_deformation(c: &mut Checker<'_>) -> Deformation {
     let deformation = match c.choice(&AQS.deformation) {
         Some("compression") => {
-            return Deformation::Compression(c.required_list(&AQS.pressures, "pressure"));
+            Deformation::Compression(c.required_list(&AQS.pressures, "pressure"))
         }
         Some("pure-shear") => Deformation::PureShear,
         Some("biaxial") => Deformation::Biaxial,
+        Some("protocol") => Deformation::Protocol(check_parts(c)),
         _ => Deformation::SimpleShear,
     };
-    let why = "applies to aqs.deformation = \"compression\"";
-    c.useless(&AQS.pressures, why);
+    if !matches!(deformation, Deformation::Compression(_)) {
+        let why = "applies to aqs.deformation = \"compression\"";
+        c.useless(&AQS.pressures, why);
+    }
+    if !matches!(deformation, Deformation::Protocol(_)) {
+        let why = "applies to aqs.deformation = \"protocol\"";
+        c.useless(&AQS.protocol, why);
+    }
     deformation
+}
+
+/// The parts of a protocol; none if they are refused.
+fn check_parts(c: &mut Checker<'_>) -> Vec<StrainPart> {
+    let Some(Value::Parts(given)) = c.value(&AQS.protocol).cloned() else {
+        let what = "protocol: a list of parts, such as protocol = [{ shear_strain = 0.1 }]";
+        c.lacks(AqsKeys::TABLE.name, what);
+        return Vec::new();
+    };
+    // It is refused where it is read.
+    let strain_step = c.given_number(&AQS.strain_step).unwrap_or(1.0);
+    match strain_protocol::parts(&given, c.dimension, strain_step) {
+        Ok(parts) => parts,
+        Err(what) => {
+            c.refuse(&AQS.protocol, &what);
+            Vec::new()
+        }
+    }
 }
 
 /// The pressure of the packing before the first strain step.
@@ -387,8 +477,8 @@ fn check_pressure(c: &mut Checker<'_>, deformation: &Deformation) -> Option<f64>
             c.useless(&AQS.pressure, why);
             None
         }
-        Deformation::SimpleShear | Deformation::PureShear => {
-            if !c.is_given(&AQS.pressure) {
+        Deformation::SimpleShear | Deformation::PureShear | Deformation::Protocol(_) => {
+            if !c.is_given(&AQS.pressure) && !deformation.has_stresses() {
                 let why =
                     "applies to a cell that is brought to a pressure, and there is no aqs.pressure";
                 c.all_useless(&[&AQS.pressure_tolerance, &AQS.pressure_step], why);
@@ -420,6 +510,11 @@ fn check_aqs(c: &mut Checker<'_>, deformation: &Deformation, has_pressure: bool)
         Deformation::Compression(pressures) => {
             c.useless(&keys.steps, "is the number of aqs.pressures");
             pressures.len() as u64
+        }
+        Deformation::Protocol(parts) => {
+            let why = "follows from the parts of aqs.protocol, whose strains take steps of aqs.strain_step";
+            c.useless(&keys.steps, why);
+            parts.iter().map(|part| part.steps).sum()
         }
         _ => c.required_count(&keys.steps),
     };

@@ -12,7 +12,9 @@ use serde_json::{Map, Value, json};
 use crate::keys::{TABLES, TOP, tables};
 use crate::law::CONTACT;
 use crate::materials::MaterialKeys;
-use crate::protocol::{PartKeys, WITHOUT_TOP};
+use crate::protocol::{PartKeys, SHEAR, WITHOUT_TOP};
+use crate::quasi_static::AQS;
+use crate::strain_protocol::StrainPartKeys;
 use crate::table::{laws_with, unit};
 use crate::units;
 use crate::value::{MAGNITUDES, Value as KeyValue};
@@ -118,15 +120,22 @@ pub fn key_tables() -> String {
     for Footnote { mark, text, .. } in &FOOTNOTES {
         page += &format!("\n{mark} {text}\n");
     }
-    page + &part_table() + "\n" + END
+    for (list, keys) in [
+        (&SHEAR.protocol, PartKeys::TABLE.own),
+        (&AQS.protocol, StrainPartKeys::TABLE.own),
+    ] {
+        page += &part_table(list, keys);
+    }
+    page + "\n" + END
 }
 
-/// The keys of a part of `shear.protocol` in Markdown.
-fn part_table() -> String {
-    let mut table = String::from(
-        "\n### Keys of a part of `shear.protocol`\n\n| key | meaning (unit) | allowed |\n| --- | --- | --- |\n",
+/// The keys of a part of a list in Markdown.
+fn part_table(list: &Key, keys: &[&Key]) -> String {
+    let mut table = format!(
+        "\n### Keys of a part of `{}`\n\n| key | meaning (unit) | allowed |\n| --- | --- | --- |\n",
+        list.path
     );
-    for key in PartKeys::TABLE.own {
+    for key in keys {
         let cells = [
             format!("`{}`", key.path),
             with_unit(doc(key), key.unit),
@@ -313,7 +322,13 @@ fn schema(key: &Key) -> Value {
             json!({ "type": "array", "items": number(bounds, with_unit), "minItems": 1 })
         }
         Values::Names => json!({ "type": "array", "items": { "type": "string" } }),
-        Values::Parts(keys) => json!({ "type": "array", "items": part(keys), "minItems": 1 }),
+        Values::Parts(keys) => {
+            let mut items = part(keys);
+            if key.path == SHEAR.protocol.path {
+                items["allOf"] = rules_of_shear(keys);
+            }
+            json!({ "type": "array", "items": items, "minItems": 1 })
+        }
         Values::Tables(keys) => {
             json!({ "type": "array", "items": entries(&keys()), "minItems": 1 })
         }
@@ -400,6 +415,15 @@ fn part(keys: &[&Key]) -> Value {
         schema["description"] = description(key).into();
         properties.insert(key.path.into(), schema);
     }
+    json!({
+        "type": "object",
+        "properties": properties,
+        "additionalProperties": unknown(),
+    })
+}
+
+/// Which keys of a part of a shear go together.
+fn rules_of_shear(keys: &[&Key]) -> Value {
     // A part below a free surface has no key of a top wall.
     let without_top: Map<String, Value> = keys
         .iter()
@@ -408,15 +432,10 @@ fn part(keys: &[&Key]) -> Value {
         .collect();
     let mut drives = required(&["velocity", "strain_amplitude", "shear_stress"]);
     drives.push(json!({ "properties": without_top }));
-    json!({
-        "type": "object",
-        "properties": properties,
-        "allOf": [
-            { "oneOf": drives },
-            { "oneOf": required(&["distance", "time", "cycles"]) },
-        ],
-        "additionalProperties": unknown(),
-    })
+    json!([
+        { "oneOf": drives },
+        { "oneOf": required(&["distance", "time", "cycles"]) },
+    ])
 }
 
 /// For each of these keys a schema that requires it.

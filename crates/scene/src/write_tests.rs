@@ -173,6 +173,11 @@ fn scenes_in_boxes_read_back() {
             "aqs.deformation=compression aqs.pressure_tolerance=1e-3 aqs.steps=none
              aqs.pressures=[1e-3,2e-3]",
         ),
+        (
+            without_spectra,
+            "aqs.deformation=protocol aqs.steps=none aqs.protocol=[{shear_strain=0.01,cycles=2},\
+             {stress_xx=1e-2,steps=3},{strain_yy=-0.02,volume_strain=0}]",
+        ),
     ] {
         let scene = boxed(&format!("{first}{more}"));
         let again = load(&Source::new("scene.toml", scene.toml.clone()), &[]).unwrap();

@@ -1,9 +1,13 @@
 //! Columns of the time series of a run in a periodic box.
 
+use std::sync::LazyLock;
+
+use gshear_dem::columns::Column;
+
 gshear_dem::columns! {
     /// One row of the time series of the strain steps. What was not computed is NaN.
     pub struct AqsRow {
-        /// γ; ε of a biaxial box; relative decrease of volume in a compression
+        /// γ; ε of a biaxial box; decrease of volume in a compression; way of a protocol
         strain: "1",
         /// Lees–Edwards offset: displacement of the image above along x
         image_offset: "m",
@@ -57,6 +61,35 @@ gshear_dem::columns! {
 }
 
 gshear_dem::columns! {
+    /// What a row of the time series of strain steps has besides, where they follow a protocol.
+    pub struct StrainProtocolRow {
+        /// number of the part, from 1; 0 before the first strain step
+        part: "1",
+        /// γ of the images above
+        shear_strain: "1",
+        /// -ln(L_x/L_x,0) with L_x,0 before the first strain step: compression is positive
+        strain_xx: "1",
+        /// -ln(L_y/L_y,0)
+        strain_yy: "1",
+        /// -ln(L_z/L_z,0); NaN in 2D
+        strain_zz: "1",
+        /// -ln(V/V_0), the sum of these
+        volume_strain: "1",
+    }
+}
+
+/// The columns of the time series of strain steps, of a protocol or of another deformation.
+pub fn strain_columns(is_protocol: bool) -> &'static [Column] {
+    static OF_PROTOCOL: LazyLock<Vec<Column>> =
+        LazyLock::new(|| [&AqsRow::COLUMNS[..], &StrainProtocolRow::COLUMNS].concat());
+    if is_protocol {
+        &OF_PROTOCOL
+    } else {
+        &AqsRow::COLUMNS
+    }
+}
+
+gshear_dem::columns! {
     /// One row of the time series of Newton's equations.
     pub struct NewtonianRow {
         /// mean square displacement M(t) (BO 10)
@@ -80,13 +113,12 @@ gshear_dem::columns! {
 mod tests {
     use super::*;
     use gshear_analysis::frame_scalars::FrameScalars;
-    use gshear_dem::columns::Column;
     use gshear_dem::profile::RankProfile;
     use gshear_dem::state::{FlowRow, ImposedRow, SeriesRow, StressRow, TemperatureRow};
     use std::collections::BTreeSet;
     use std::fmt::Write as _;
 
-    const TABLES: [(&str, &[Column]); 9] = [
+    const TABLES: [(&str, &[Column]); 10] = [
         ("SeriesRow", &SeriesRow::COLUMNS),
         ("ImposedRow", &ImposedRow::COLUMNS),
         ("StressRow", &StressRow::COLUMNS),
@@ -94,6 +126,7 @@ mod tests {
         ("TemperatureRow", &TemperatureRow::COLUMNS),
         ("FrameScalars", &FrameScalars::COLUMNS),
         ("AqsRow", &AqsRow::COLUMNS),
+        ("StrainProtocolRow", &StrainProtocolRow::COLUMNS),
         ("NewtonianRow", &NewtonianRow::COLUMNS),
         ("RankProfile", &RankProfile::COLUMNS),
     ];

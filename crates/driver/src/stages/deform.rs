@@ -1,5 +1,5 @@
-//! Strain steps that change the lengths of the box: pure shear, biaxial, and compression to a
-//! pressure.
+//! Strain steps that change the lengths of the box: pure shear, biaxial, the parts of a protocol,
+//! and compression to a pressure.
 
 use gshear_dem::contact::portable_exp;
 use gshear_dem::dimension::Dimension;
@@ -9,15 +9,13 @@ use super::assembly::RestState;
 use super::box_state::{Observed, volume_of_cell};
 use super::relax::{DisplacementResult, LONGEST};
 use super::strain::{SolidFraction, Strain};
-use crate::header::{Beyond, Correction, Pressing, Search, Stretched};
-use gshear_scene::Deformation;
+use crate::header::{Beyond, Pressing, Search, Stretched};
+use gshear_scene::{Deformation, StrainPart};
 
 /// A packing with less than this part of the wanted pressure says nothing of where it is reached.
 const LOOSE: f64 = 1e-3;
 /// Relative change of the lengths below which a pressure that jumps is not looked for any further.
 const FINEST: f64 = 1e-13;
-/// Relaxations in a strain step of a biaxial box after which the lateral stress is given up.
-const MOST_CORRECTIONS: usize = 60;
 
 impl<D: Dimension> Strain<'_, D> {
     /// Volume of the grains over that of the cell.
@@ -35,7 +33,7 @@ impl<D: Dimension> Strain<'_, D> {
         }
     }
 
-    fn observed(&mut self) -> Observed {
+    pub(super) fn observed(&mut self) -> Observed {
         self.assembly.observe(self.scene.sample.grains)
     }
 
@@ -68,7 +66,7 @@ impl<D: Dimension> Strain<'_, D> {
     }
 
     /// [`Strain::stretch`], which must succeed.
-    fn stretch_within(&mut self, lengths: [f64; 3]) -> Result<()> {
+    pub(super) fn stretch_within(&mut self, lengths: [f64; 3]) -> Result<()> {
         let outcome = self.stretch(lengths)?;
         self.within_law(outcome)
     }
@@ -106,7 +104,7 @@ impl<D: Dimension> Strain<'_, D> {
         Ok(Some(Search::Rest))
     }
 
-    fn stretched(&self) -> Stretched {
+    pub(super) fn stretched(&self) -> Stretched {
         let stretched = self.progress.stretched;
         stretched.expect("the stage has begun, or a checkpoint of it was read")
     }
@@ -118,64 +116,30 @@ impl<D: Dimension> Strain<'_, D> {
         let strain = self.quasi_static.aqs.strain_step * step as f64;
         let mut lengths = self.assembly.system.cell.lengths::<D>();
         lengths[D::UP] = before.initial[D::UP] * portable_exp(-strain);
-        let correction = Correction {
-            count: 0,
-            total: before.lateral_strain,
-            by: 0.0,
-            modulus: before.lateral_modulus.unwrap_or_else(|| self.stiff()),
-            excess: None,
-        };
-        self.stretch_within(widened::<D>(lengths, correction.total))?;
-        Ok(Some(Search::Lateral(correction)))
+        let wanted = [self.quasi_static.pressure.unwrap_or(f64::NAN), 0.0, 0.0];
+        self.begin_to_correct(lengths, wanted, before.corrected)
     }
 
-    /// Begins the next correction of the lateral stress; `None` if it is the wanted one.
-    pub(super) fn correct(&mut self, mut correction: Correction) -> Result<Option<Search>> {
-        let wanted = self.quasi_static.pressure.unwrap_or(f64::NAN);
-        let most = self.quasi_static.aqs.pressure_step;
-        let excess = self.lateral_excess(wanted);
-        let modulus = &mut correction.modulus;
-        if let Some(before) = correction.excess {
-            // A rearrangement may make the packing look soft, or softer than nothing.
-            let measured = (before - excess) / correction.by;
-            *modulus = if measured > 0.0 {
-                measured.clamp(0.25 * *modulus, 4.0 * *modulus)
-            } else {
-                4.0 * *modulus
-            };
+    /// Strain step number `step` of a protocol: its strains, and then its stresses.
+    pub(super) fn follow(&mut self, parts: &[StrainPart], step: u64) -> Result<Option<Search>> {
+        let (n, within) = StrainPart::of_step(parts, step).expect("a strain step of the protocol");
+        let part = &parts[n];
+        // A part may move other axes than the one before.
+        let corrected = self.stretched().corrected.filter(|_| within > 1);
+        let wanted = self.wanted_stresses(part.steps + 1 - within);
+        let share = part.share(within) - part.share(within - 1);
+        if part.shear != 0.0 {
+            self.shear(share * part.shear)?;
         }
-        if excess.abs() <= self.quasi_static.pressure_tolerance * wanted {
-            self.progress.stretched = Some(Stretched {
-                lateral_modulus: Some(*modulus),
-                lateral_strain: correction.total.clamp(-2.0 * most, 2.0 * most),
-                ..self.stretched()
-            });
-            return Ok(None);
+        let mut lengths = self.assembly.system.cell.lengths::<D>();
+        for (length, strain) in lengths.iter_mut().zip(part.strain) {
+            *length = strained(*length, share * strain);
         }
-        if correction.count == MOST_CORRECTIONS {
-            return Err(Failure::numbers(format!(
-                "strain step {}: the lateral stress differs from aqs.pressure = {wanted:.4e} by {excess:.1e} after \
-                 {MOST_CORRECTIONS} corrections; give a greater aqs.pressure_tolerance, or a smaller aqs.strain_step or aqs.pressure_step",
-                self.progress.steps + 1
-            )));
-        }
-        correction.by = (excess / *modulus).clamp(-most, most);
-        correction.count += 1;
-        correction.excess = Some(excess);
-        correction.total += correction.by;
-        let lengths = self.assembly.system.cell.lengths::<D>();
-        self.stretch_within(widened::<D>(lengths, correction.by))?;
-        Ok(Some(Search::Lateral(correction)))
-    }
-
-    /// The mean normal stress along all axes but the last, less the wanted one.
-    fn lateral_excess(&mut self, wanted: f64) -> f64 {
-        let stress = self.observed().normal_stress;
-        stress[..D::UP].iter().sum::<f64>() / D::UP as f64 - wanted
+        self.begin_to_correct(lengths, wanted, corrected)
     }
 
     /// A modulus as great as that of a packing can be: of contacts that all overlap by a hundredth.
-    fn stiff(&self) -> f64 {
+    pub(super) fn stiff(&self) -> f64 {
         let diameter = self.scene.sample.mean_diameter;
         let radius = 0.5 * diameter;
         let law = &self.scene.law;
@@ -315,10 +279,13 @@ impl Beyond {
     }
 }
 
-/// The lengths with those along all axes but the last longer by this part.
-fn widened<D: Dimension>(mut lengths: [f64; 3], by: f64) -> [f64; 3] {
-    lengths[..D::UP].iter_mut().for_each(|l| *l *= 1.0 + by);
-    lengths
+/// A length after this natural strain, compression positive.
+fn strained(length: f64, strain: f64) -> f64 {
+    if strain < 0.0 {
+        length / portable_exp(strain)
+    } else {
+        length * portable_exp(-strain)
+    }
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ pub(crate) mod shear;
 mod shearing;
 pub(crate) mod spectra_file;
 mod strain;
+mod stress_search;
 mod top_wall;
 
 /// Names of the stages before those that [`gshear_scene::RunStage`] names, as messages,

@@ -89,7 +89,7 @@ pub(super) fn run<D: LawSpace>(run: &mut Run<'_>, start: Start) -> Result<StageE
                 run.terminal.stopped(out, stage.name(), steps);
                 return Ok(StageEnd::Stopped);
             }
-            NewtonianHeader::after(before, progress)
+            NewtonianHeader::after(before, &progress)
         }
         Header::Pack(_) | Header::Shear(_) | Header::Prepare(_) => {
             unreachable!("a checkpoint of these stages, as was checked")

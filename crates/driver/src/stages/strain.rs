@@ -1,11 +1,12 @@
 //! Athermal quasi-static deformation: strain steps, each brought to mechanical equilibrium, and the
 //! birth of the first complex pair.
 
+use gshear_dem::contact::portable_ln;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Result;
 use gshear_dem::state::{HeldState, Snapshot};
-use gshear_scene::{Deformation, Origin, QuasiStatic, RunStage, Scene};
-use gshear_store::box_columns::AqsRow;
+use gshear_scene::{Deformation, Origin, QuasiStatic, RunStage, Scene, StrainPart};
+use gshear_store::box_columns::{AqsRow, StrainProtocolRow, strain_columns};
 use gshear_store::file_names::part_of;
 use gshear_store::h5::Attribute;
 
@@ -16,8 +17,8 @@ use super::relax::{LONGEST, NOT_AT_REST, Relaxation};
 use super::top_wall::volume_of_grains;
 use crate::files::{Files, Format, TimePoint};
 use crate::header::{
-    Birth, Header, RelaxationStatistics, Search, Shape, StrainHeader, StrainProgress, Unfinished,
-    UpToCheckpoint, Work,
+    Birth, Header, RelaxationStatistics, Search, Shape, StrainHeader, StrainProgress, Stretched,
+    Unfinished, UpToCheckpoint, Work,
 };
 use crate::options::Outcome;
 use crate::output_schedule::{OutputSchedule, StrainSchedule};
@@ -25,13 +26,23 @@ use crate::run::{Checkpoint, Run};
 use crate::stage::{Save, Stage};
 use gshear_store::status::StageProgress;
 
-/// The strain that the box has reached: γ of a shear, ε along the last axis of a biaxial box, and
-/// of a compression the part by which the volume has decreased.
+/// The strain that the box has reached: γ of a shear, ε along the last axis of a biaxial box, of a
+/// compression the part by which the volume has decreased, and of a protocol the length of its way.
 pub(super) fn reached<D: Dimension>(quasi_static: &QuasiStatic, progress: &StrainProgress) -> f64 {
     match (&quasi_static.deformation, &progress.stretched) {
         (Deformation::Compression(_), Some(stretched)) => stretched.volume_strain::<D>(),
-        (Deformation::Compression(_), None) => 0.0,
+        (Deformation::Protocol(_), Some(stretched)) => stretched.path,
+        (Deformation::Compression(_) | Deformation::Protocol(_), None) => 0.0,
         _ => quasi_static.aqs.strain_step * progress.steps as f64,
+    }
+}
+
+/// γ after so many strain steps.
+fn shear_after(quasi_static: &QuasiStatic, steps: u64) -> f64 {
+    match &quasi_static.deformation {
+        Deformation::SimpleShear => quasi_static.aqs.strain_step * steps as f64,
+        Deformation::Protocol(parts) => StrainPart::shear_after(parts, steps),
+        Deformation::PureShear | Deformation::Biaxial | Deformation::Compression(_) => 0.0,
     }
 }
 
@@ -100,7 +111,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
         });
         let format = Format {
             name: part_of(&scene.stages, RunStage::Strain),
-            columns: &AqsRow::COLUMNS,
+            columns: strain_columns(quasi_static.deformation.is_protocol()),
             attributes: vec![("mean_diameter", scene.sample.mean_diameter.into())],
             height: None,
             analysed: None,
@@ -187,14 +198,15 @@ impl<'a, D: Dimension> Strain<'a, D> {
             Deformation::Compression(pressures) => {
                 self.begin_to_press(pressures[step as usize - 1])
             }
+            Deformation::Protocol(parts) => self.follow(parts, step),
         }
     }
 
     /// Shears by `by`.
-    fn shear(&mut self, by: f64) -> Result<()> {
+    pub(super) fn shear(&mut self, by: f64) -> Result<()> {
         let height = self.assembly.system.cell.sheared.map_or(0.0, |s| s.height);
         let longest = LONGEST * self.scene.sample.mean_diameter;
-        let parts = (by * height / longest).ceil().max(1.0);
+        let parts = (by.abs() * height / longest).ceil().max(1.0);
         for _ in 0..parts as u64 {
             self.assembly.system.list.widen(4.0 * longest);
             self.assembly.rebuild()?;
@@ -216,7 +228,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             (Search::Rest, Some(pressure)) if work.prepares => self.begin_to_press(pressure),
             (Search::Rest, _) => Ok(None),
             (Search::Pressure(pressing), _) => self.press_on(pressing),
-            (Search::Lateral(correction), _) => self.correct(correction),
+            (Search::Stresses(correction), _) => self.correct(correction),
             (Search::Birth { low, high }, _) => {
                 let middle = 0.5 * (low + high);
                 if self.assembly.eigenvalues()?.pairs() > 0 {
@@ -257,7 +269,13 @@ impl<'a, D: Dimension> Strain<'a, D> {
         let progress = &mut self.progress;
         progress.steps += 1;
         if let Some(stretched) = &mut progress.stretched {
-            stretched.lengths = self.assembly.system.cell.lengths::<D>();
+            let lengths = self.assembly.system.cell.lengths::<D>();
+            let shear = shear_after(self.quasi_static, progress.steps)
+                - shear_after(self.quasi_static, progress.steps - 1);
+            let changes =
+                (0..D::AXES).map(|axis| portable_ln(lengths[axis] / stretched.lengths[axis]));
+            stretched.path += changes.fold(shear.abs(), |most, x| most.max(x.abs()));
+            stretched.lengths = lengths;
         }
         progress.fell_back += u64::from(statistics.fell_back);
         Ok(())
@@ -305,6 +323,32 @@ impl<'a, D: Dimension> Strain<'a, D> {
             stress_yy: observed.normal_stress[1],
             stress_zz,
         }
+    }
+
+    /// The part of a protocol, and the strains that it has reached; `None` of another deformation.
+    fn row_of_protocol(&self) -> Option<StrainProtocolRow> {
+        let Deformation::Protocol(parts) = &self.quasi_static.deformation else {
+            return None;
+        };
+        let Stretched {
+            lengths, initial, ..
+        } = self.stretched();
+        let place = StrainPart::of_step(parts, self.progress.steps);
+        let strain: [f64; 3] =
+            std::array::from_fn(|axis| -portable_ln(lengths[axis] / initial[axis]));
+        Some(StrainProtocolRow {
+            part: place.map_or(
+                f64::NAN,
+                |(n, within)| {
+                    if within == 0 { 0.0 } else { n as f64 + 1.0 }
+                },
+            ),
+            shear_strain: StrainPart::shear_after(parts, self.progress.steps),
+            strain_xx: strain[0],
+            strain_yy: strain[1],
+            strain_zz: if D::AXES == 3 { strain[2] } else { f64::NAN },
+            volume_strain: strain[..D::AXES].iter().sum(),
+        })
     }
 
     /// Begins the next step of the bisection of the strain of the birth, between these strains from
@@ -448,7 +492,11 @@ impl<'a, D: Dimension> Stage<'a, D> for Strain<'a, D> {
             step,
             time: row.strain,
         };
-        self.files.row(exchange, at, &row)?;
+        let mut values = row.columns().to_vec();
+        if let Some(row) = self.row_of_protocol() {
+            values.extend(row.columns());
+        }
+        self.files.row(exchange, at, &values)?;
         self.files.publish_rows(exchange)?;
         self.latest = Some([row.strain, row.shear_stress]);
         run.terminal.strain_step(step, &row);

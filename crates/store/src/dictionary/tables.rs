@@ -8,7 +8,7 @@ use gshear_analysis::stability::Stability;
 use gshear_dem::boundary::Boundary;
 use gshear_dem::columns::Column;
 
-use crate::box_columns::{AqsRow, NewtonianRow};
+use crate::box_columns::{NewtonianRow, strain_columns};
 use crate::contact_quantities::numbers;
 use crate::layout::{FrameFormat, MASS, RADIUS, elements};
 
@@ -85,7 +85,7 @@ fn declared(row: &str, axes: usize) -> Vec<Column> {
     let form = FrameFormat::new(axes, axes == 3);
     match row {
         "SeriesRow" => Boundary::all_series_columns(),
-        "AqsRow" => AqsRow::COLUMNS.to_vec(),
+        "AqsRow" => strain_columns(true).to_vec(),
         "NewtonianRow" => NewtonianRow::COLUMNS.to_vec(),
         "FrameScalars" => FrameScalars::COLUMNS.to_vec(),
         "PhaseStatistics" => PhaseStatistics::COLUMNS.to_vec(),

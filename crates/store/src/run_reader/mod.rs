@@ -19,7 +19,7 @@ pub(crate) use self::open_file::one_line;
 use self::open_file::{FOREIGN, OpenFile, TablePlace};
 pub use self::owner::{Owner, owner};
 use self::verify::FrameSums;
-use crate::box_columns::{AqsRow, NewtonianRow};
+use crate::box_columns::{AqsRow, NewtonianRow, StrainProtocolRow, strain_columns};
 use crate::checksums;
 use crate::contact_quantities::{IDLE, TWISTING_HISTORY};
 use crate::file_names::{RUN_FILE, folder_of};
@@ -41,7 +41,7 @@ pub use gshear_scene::RunStage;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Dimensions, ReadPacking, Source};
 
-/// Columns of the time series of a stage, of a shear those that all have.
+/// Columns of the time series of a stage that all its runs have.
 pub fn series_columns(stage: RunStage) -> &'static [Column] {
     match stage {
         RunStage::Shear => &SeriesRow::COLUMNS,
@@ -251,7 +251,8 @@ impl RunFile {
         let finished = parameters.contains_key("digest");
         let columns = match stage {
             RunStage::Shear => source.columns_of_shear(boundary),
-            _ => series_columns(stage),
+            RunStage::Strain => strain_columns(source.has_row(&StrainProtocolRow::COLUMNS)),
+            RunStage::Newtonian => series_columns(stage),
         };
         let place = TablePlace {
             group: OBSERVABLES,

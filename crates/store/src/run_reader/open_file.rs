@@ -286,7 +286,7 @@ impl<'a> OpenFile<'a> {
     }
 
     /// Whether the time series has the columns of a row, which are there together.
-    fn has_row(&self, row: &[Column]) -> bool {
+    pub(super) fn has_row(&self, row: &[Column]) -> bool {
         self.exists(&format!("{OBSERVABLES}/{}", row[0]))
     }
 
