@@ -23,6 +23,7 @@ mod contracts_of_spheres;
 mod contracts_of_springs;
 mod damage;
 mod dissipation;
+mod ends_of_parts;
 mod ends_of_stages;
 mod estimates;
 mod extreme_numbers;

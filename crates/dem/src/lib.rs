@@ -171,5 +171,6 @@ pub mod sum_over_ranks;
 pub mod system;
 pub mod threads;
 mod under_way;
+pub mod until;
 pub mod wave;
 pub mod workers;

@@ -4,6 +4,7 @@
 
 use std::f64::consts::TAU;
 
+use crate::until::Until;
 use crate::wave::Wave;
 
 /// What is imposed on the walls, step by step.
@@ -24,6 +25,8 @@ pub struct Segment {
     pub first: u64,
     /// Steps in it.
     pub steps: u64,
+    /// Steps that were planned: more, if a condition has ended it. What is imposed follows these.
+    pub planned: u64,
     /// What is imposed.
     pub imposed: Imposed,
     /// Position of the drive at its start (m), if the drive stood still in segments of a force.
@@ -38,8 +41,10 @@ pub struct Segment {
 pub struct Part {
     /// What is imposed, in these units.
     pub imposed: Imposed,
-    /// Duration (s).
+    /// Duration (s), the longest if a condition may end it.
     pub time: f64,
+    /// What ends it before.
+    pub until: Option<Until>,
 }
 
 impl Part {
@@ -226,6 +231,13 @@ impl From<Along> for Imposed {
 }
 
 impl Segment {
+    /// Begins where another one ends, in steps of Δt = `step` (s).
+    fn follow(&mut self, before: &Self, step: f64) {
+        self.first = before.first + before.steps;
+        self.bottom = before.bottom(self.first);
+        self.position = before.position(self.first, step);
+    }
+
     /// The velocity of the drive (m/s), that to which it is ramped; `None` if it has none.
     pub fn velocity(&self) -> Option<f64> {
         match self.imposed.along {
@@ -244,7 +256,7 @@ impl Segment {
     /// free.
     pub fn force(&self, step: u64) -> Option<f64> {
         match &self.imposed.along {
-            Along::Force(course) => Some(course.at(step - self.first, self.steps)),
+            Along::Force(course) => Some(course.at(step - self.first, self.planned)),
             _ => None,
         }
     }
@@ -252,7 +264,7 @@ impl Segment {
     /// The load (N; N/m in 2D) after so many steps of the protocol, if one is imposed.
     pub fn load(&self, step: u64) -> Option<f64> {
         match &self.imposed.normal {
-            Some(Normal::Load(course)) => Some(course.at(step - self.first, self.steps)),
+            Some(Normal::Load(course)) => Some(course.at(step - self.first, self.planned)),
             _ => None,
         }
     }
@@ -297,14 +309,13 @@ impl Protocol {
             let mut segment = Segment {
                 first: 0,
                 steps,
+                planned: steps,
                 imposed,
                 position: 0.0,
                 bottom: 0.0,
             };
             if let Some(last) = segments.last() {
-                let first = last.first + last.steps;
-                (segment.first, segment.bottom) = (first, last.bottom(first));
-                segment.position = last.position(first, step);
+                segment.follow(last, step);
             }
             segments.push(segment);
         }
@@ -313,6 +324,15 @@ impl Protocol {
             has_normal: segments.iter().any(|s| s.imposed.normal.is_some()),
             has_bottom: segments.iter().any(|s| s.imposed.bottom.is_some()),
             segments,
+        }
+    }
+
+    /// Ends a segment after so many of its steps, at least one; those after it follow at once.
+    pub fn end(&mut self, segment: usize, steps: u64) {
+        self.segments[segment].steps = steps;
+        for next in segment + 1..self.segments.len() {
+            let (before, after) = self.segments.split_at_mut(next);
+            after[0].follow(&before[next - 1], self.step);
         }
     }
 
@@ -475,9 +495,9 @@ impl Protocol {
     }
 }
 
-/// Whether the segments of the step after `at` steps have the same length.
+/// Whether the segments of the step after `at` steps were planned with the same length.
 fn one_length(one: &Protocol, other: &Protocol, at: u64) -> bool {
-    one.segment(at).steps == other.segment(at).steps
+    one.segment(at).planned == other.segment(at).planned
 }
 
 #[cfg(test)]
@@ -587,6 +607,35 @@ mod tests {
             wave: Some(wave(0.05, 0.25)),
         };
         assert_eq!(course.at(7, 7), 0.7 - 0.05);
+    }
+
+    /// A segment that ends early follows its course up to there, and the next ones begin there.
+    #[test]
+    fn a_segment_ends_early() {
+        let whole = mixed();
+        let mut protocol = mixed();
+        protocol.end(1, 20);
+        assert_eq!(protocol.steps(), whole.steps() - 120);
+        for step in 0..=30 {
+            assert_eq!(protocol.position(step), whole.position(step), "{step}");
+        }
+        // The drive stays at a quarter of its cycle.
+        assert_eq!(protocol.position(38), whole.position(30));
+        for done in 0..8 {
+            let [found, expected] = [(&protocol, 30), (&whole, 150)]
+                .map(|(of, first)| of.segment(first + done).force(first + done));
+            assert_eq!(found, expected, "{done}");
+        }
+        protocol.end(2, 4);
+        // Half of the ramp, from 1 to 3.
+        assert_eq!(protocol.segment_before(34).force(34), Some(2.0));
+        let last = protocol.segments()[3];
+        assert_eq!((last.first, last.steps), (34, 5));
+        assert_eq!(
+            protocol.position(39),
+            protocol.position(34) + 2.0 * (5.0 * STEP)
+        );
+        assert!(protocol.agrees(&protocol, 39) && !protocol.agrees(&whole, 39));
     }
 
     #[test]

@@ -70,25 +70,32 @@ impl<'a> WallScene<'a> {
 }
 
 fn count_shear_anew(shear: &mut ShearHeader, former: WallScene<'_>, now: WallScene<'_>) {
-    let Some(slider) = &mut shear.slider else {
+    let Some(mut slider) = shear.slider else {
         return;
     };
-    let earlier = former.schedule(shear.height);
-    let schedule = now.schedule(shear.height);
+    let earlier = shear.with_ends(former.schedule(shear.height));
+    let ratio = earlier.step / now.scene.time_step.step;
+    for end in &mut shear.ends {
+        end.steps = ((end.steps as f64 * ratio).round() as u64).max(1);
+    }
+    let schedule = shear.with_ends(now.schedule(shear.height));
     let position = earlier.protocol.position(shear.step);
     let step = if has_another_speed(former, now, shear.height) {
         schedule.step_at(position)
     } else if earlier.step != schedule.step {
         let rescaled = former.schedule_by_step_of(now.scene, shear.height);
+        let rescaled = shear.with_ends(rescaled);
         rescaled.step_of(&earlier, shear.step)
     } else {
         return;
     };
     let time = shear.origin.time(shear.step, earlier.step);
     shear.origin = TimeOrigin { step, time };
-    (shear.step, slider.step) = (step, step);
+    shear.step = step;
+    slider.step = step;
     // The drive stays where it is.
     slider.pulled += position - schedule.protocol.position(step);
+    shear.slider = Some(slider);
 }
 
 /// Whether a drive of one inertial number has another speed, because its time √(m̄/P) or its height

@@ -90,8 +90,9 @@ fn check_shear(header: &Header, now: WallScene<'_>, former: WallScene<'_>) -> Re
             past(header, "pack.max_steps", format!("step {most_steps}"))
         }
         Header::Shear(shear) => {
-            let schedule = now.schedule(shear.height);
+            let schedule = shear.with_ends(now.schedule(shear.height));
             let earlier = former.schedule_by_step_of(now.scene, shear.height);
+            let earlier = shear.with_ends(earlier);
             if schedule.total < shear.step {
                 let strain = schedule.strain(schedule.total);
                 let end = format!("step {}, strain {strain:.6}", schedule.total);

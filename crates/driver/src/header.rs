@@ -11,6 +11,7 @@ use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Cell, Sheared, Snapshot};
+use gshear_dem::until::Watch;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Origin, PackingFile, RunStage, Sample, Scene, Source, Stages};
@@ -159,6 +160,12 @@ pub struct ShearHeader {
     /// Of a cell without walls: the Lees–Edwards offset (m) and the velocity of the images (m/s).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub images: Option<[f64; 2]>,
+    /// The parts of the protocol that a condition has ended.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ends: Vec<PartEnd>,
+    /// What the looks at the part under way have found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub watch: Option<Watch>,
     /// Number of frames and rows in the files.
     pub written: Written,
     /// The energy budget, if the scene has one.
@@ -166,7 +173,27 @@ pub struct ShearHeader {
     pub energy_budget: Option<SavedBudget>,
 }
 
+/// A part of a protocol that a condition has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PartEnd {
+    /// Its number, from 0.
+    pub part: usize,
+    /// Steps that it had.
+    pub steps: u64,
+}
+
 impl ShearHeader {
+    /// A schedule in which the parts end that conditions have ended. A part that it does not have
+    /// any more is left out.
+    pub(crate) fn with_ends(&self, mut schedule: Schedule) -> Schedule {
+        let parts = schedule.protocol.segments().len();
+        for end in self.ends.iter().filter(|end| end.part < parts) {
+            schedule.end_part(end.part, end.steps);
+        }
+        schedule
+    }
+
     /// The cell of this sample.
     pub fn cell(&self, sample: &Sample) -> Cell {
         let sheared = self.images.map(|[offset, velocity]| Sheared {
@@ -185,7 +212,7 @@ impl ShearHeader {
     pub fn planes(&self, scene: &Scene) -> Option<[f64; 2]> {
         let walls = scene.shear()?;
         let step = self.slider.map_or(0, |slider| slider.step);
-        let schedule = Schedule::new(scene, walls, self.height);
+        let schedule = self.with_ends(Schedule::new(scene, walls, self.height));
         let rise = schedule.protocol.bottom(step);
         let floor = walls.floor();
         let heights = [floor + rise, floor + self.piston.height];

@@ -1,10 +1,13 @@
 //! How the sample is sheared: `[shear]` and the parts of its protocol.
 
+use std::ops::Bound;
+
 use gshear_dem::boundary::Boundary;
 use gshear_dem::failure::Result;
 use gshear_dem::laws::Law;
-use gshear_dem::laws::keys::{ANY, Change, Key, KeyReader, POSITIVE};
+use gshear_dem::laws::keys::{ANY, Bounds, Change, Key, KeyReader, POSITIVE};
 use gshear_dem::protocol::{Along, Course, Imposed, Normal, Part, Ramp};
+use gshear_dem::until::Until;
 use gshear_dem::wave::Wave;
 
 use crate::checker::Checker;
@@ -15,6 +18,14 @@ use crate::part_values::{PartRules, PartValues};
 use crate::table::table;
 use crate::value::Value;
 use crate::words::show;
+
+/// How often a condition may be looked at.
+const LOOKS: Bounds = Bounds {
+    from: Bound::Included(1.0),
+    to: Bound::Included(1e9),
+};
+/// How often it is, if nothing is said.
+const USUAL_LOOKS: f64 = 1000.0;
 
 table! {
     /// The shear.
@@ -88,6 +99,21 @@ table! {
         bottom_amplitude: Number(POSITIVE) { unit: "m" },
         /// of the bottom wall
         bottom_frequency: Number(POSITIVE) { unit: "Hz" },
+        /// the part ends before its time when τ = S/N is less than this
+        until_stress_ratio_below: Number(ANY) {},
+        /// … when τ is more than this
+        until_stress_ratio_above: Number(ANY) {},
+        /// … when τ has fallen by this below its greatest value in the part
+        until_drop: Number(POSITIVE) {},
+        /// … when the velocity of the top wall along x is less than this
+        until_slip_rate_below: Number(ANY) { unit: "m/s" },
+        /// … when it is more than this
+        until_slip_rate_above: Number(ANY) { unit: "m/s" },
+        /// … when the top wall has moved by this along x since the part began, either way
+        until_slip: Number(POSITIVE) { unit: "m" },
+        /// how often these conditions are looked at, evenly over the whole duration: 1000 times if
+        /// it is not given; the part ends a step after the look
+        until_looks: Number(LOOKS) { condition: "a whole number" },
     }
 }
 
@@ -316,7 +342,7 @@ static RULES: PartRules = PartRules {
 };
 
 /// Keys that need another one.
-static NEEDS: [(&Key, &[&Key]); 12] = [
+static NEEDS: [(&Key, &[&Key]); 13] = [
     (
         &PART.frequency,
         &[&PART.strain_amplitude, &PART.shear_stress_amplitude],
@@ -332,6 +358,17 @@ static NEEDS: [(&Key, &[&Key]); 12] = [
     (&PART.cycles, &[&PART.frequency]),
     (&PART.distance, &[&PART.velocity]),
     (&PART.ramp, &[&PART.velocity]),
+    (&PART.until_looks, &CONDITIONS),
+];
+
+/// What ends a part before its time.
+static CONDITIONS: [&Key; 6] = [
+    &PART.until_stress_ratio_below,
+    &PART.until_stress_ratio_above,
+    &PART.until_drop,
+    &PART.until_slip_rate_below,
+    &PART.until_slip_rate_above,
+    &PART.until_slip,
 ];
 
 /// Keys of which no two may be given.
@@ -384,7 +421,32 @@ impl PartValues<'_> {
                 bottom: self.wave(&PART.bottom_amplitude, &PART.bottom_frequency),
             },
             time: self.time(along)?,
+            until: self.until()?,
         })
+    }
+
+    /// What ends the part before its time.
+    fn until(&self) -> Result<Option<Until>, String> {
+        if !CONDITIONS.iter().any(|key| self.has(key)) {
+            return Ok(None);
+        }
+        let looks = self.value(&PART.until_looks).unwrap_or(USUAL_LOOKS);
+        if looks.fract() != 0.0 {
+            return Err(format!(
+                "{} must be a whole number, found {}",
+                PART.until_looks.path,
+                show(looks)
+            ));
+        }
+        Ok(Some(Until {
+            stress_ratio_below: self.value(&PART.until_stress_ratio_below),
+            stress_ratio_above: self.value(&PART.until_stress_ratio_above),
+            drop: self.value(&PART.until_drop),
+            slip_rate_below: self.value(&PART.until_slip_rate_below),
+            slip_rate_above: self.value(&PART.until_slip_rate_above),
+            slip: self.value(&PART.until_slip),
+            looks: looks as u64,
+        }))
     }
 
     /// What moves the top wall along x: a velocity (m/s), γ, or a stress (Pa).

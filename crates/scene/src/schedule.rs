@@ -11,6 +11,7 @@ use gshear_dem::boundary::FurtherColumns;
 use gshear_dem::columns::Column;
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::protocol::{Along, Imposed, Normal, Part, Protocol, Ramp};
+use gshear_dem::until::Until;
 
 /// Steps of a stage that are counted: 2^53, up to which f64 has every whole number.
 pub const MOST_STEPS: u64 = 1 << 53;
@@ -29,6 +30,8 @@ pub struct Schedule {
     pub protocol: Protocol,
     /// One for each segment of the protocol.
     pub intervals: Vec<Intervals>,
+    /// What may end a part, of each part of a protocol.
+    conditions: Vec<Option<Until>>,
     /// I/γ̇ (s).
     inertial_time: f64,
     /// Steps of the stage.
@@ -110,6 +113,8 @@ pub struct Intervals {
     pub series: Interval,
     /// Checkpoints.
     pub checkpoints: Interval,
+    /// Looks at what may end the segment.
+    pub looks: Interval,
 }
 
 /// How often something is written in a whole stage.
@@ -196,6 +201,7 @@ impl StrainRate {
 struct Plan {
     protocol: Protocol,
     intervals: Vec<Intervals>,
+    conditions: Vec<Option<Until>>,
     first_frame: u64,
     first_analysis: u64,
 }
@@ -235,6 +241,7 @@ impl Plan {
         Self {
             protocol: Protocol::of(scene.time_step.step, [(imposed, rate.steps(strain))]),
             intervals: vec![intervals],
+            conditions: vec![None],
             first_frame,
             first_analysis,
         }
@@ -249,14 +256,17 @@ impl Plan {
             (imposed, whole(part.time / step))
         });
         let protocol = Protocol::of(step, segments);
-        let intervals = protocol.segments().iter().map(|segment| Intervals {
+        let segments = protocol.segments().iter().zip(parts);
+        let intervals = segments.map(|(segment, part)| Intervals {
             frames: Interval::dividing(segment.steps, output.frame_rows),
             analysis: Interval::default(),
             series: Interval::dividing(segment.steps, output.series_rows),
             checkpoints: Interval::dividing(segment.steps, 1),
+            looks: Interval::dividing(segment.steps, part.until.map_or(0, |until| until.looks)),
         });
         Self {
             intervals: intervals.collect(),
+            conditions: parts.iter().map(|part| part.until).collect(),
             protocol,
             first_frame: 0,
             first_analysis: 0,
@@ -292,6 +302,7 @@ impl Schedule {
         let Plan {
             protocol,
             intervals,
+            conditions,
             first_frame,
             first_analysis,
         } = plan;
@@ -315,6 +326,7 @@ impl Schedule {
             has_imposed,
             protocol,
             intervals,
+            conditions,
             window: None,
         }
     }
@@ -328,6 +340,31 @@ impl Schedule {
         self.total = self.total.min(window.last);
         self.window = Some(window);
         self
+    }
+
+    /// Ends a part after so many of its steps; the next one follows at once.
+    pub fn end_part(&mut self, part: usize, steps: u64) {
+        self.protocol.end(part, steps);
+        self.total = self.protocol.steps();
+        if let Some(window) = self.window {
+            self.total = self.total.min(window.last);
+        }
+    }
+
+    /// The part that has the step after so many steps, and what may end it.
+    pub fn condition(&self, step: u64) -> (usize, Option<&Until>) {
+        let part = self.protocol.segment_of(step);
+        (part, self.conditions[part].as_ref())
+    }
+
+    /// Whether some part may end before its time.
+    pub fn has_conditions(&self) -> bool {
+        self.conditions.iter().any(Option::is_some)
+    }
+
+    /// Whether what may end a part is looked at after so many steps.
+    pub fn look_due(&self, step: u64) -> bool {
+        step < self.protocol.steps() && self.on_grid(|s| s.looks, step)
     }
 
     /// The stretch that is computed again, if it is one.

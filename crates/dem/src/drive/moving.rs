@@ -49,6 +49,15 @@ impl MovingBoundary {
         }
     }
 
+    /// Ends a segment of the protocol after so many of its steps, which must not be over.
+    pub fn end_segment(&mut self, segment: usize, steps: u64) {
+        let motion = match &mut self.ends {
+            Ends::Walls(walls) => &mut walls.motion,
+            Ends::Images(images) => &mut images.motion,
+        };
+        motion.slider.protocol.end(segment, steps);
+    }
+
     /// As the time step calls it.
     pub fn drive<D: Dimension>(&mut self) -> &mut dyn Drive<D> {
         match &mut self.ends {

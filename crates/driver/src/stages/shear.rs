@@ -14,6 +14,7 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, RowInput, SampleConstants};
 use gshear_dem::profile::RankProfile;
 use gshear_dem::state::{GrainState, SeriesRow, Snapshot, body};
+use gshear_dem::until::{Look, Watch};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
 use gshear_scene::{Motion, PlaneShear, RunStage, Scene};
@@ -22,7 +23,7 @@ use gshear_store::h5::Attribute;
 use super::assembly::Assembly;
 use super::top_wall::mass_of;
 use crate::files::{Files, Format, TimePoint};
-use crate::header::{Header, ShearHeader, TimeOrigin, UpToCheckpoint};
+use crate::header::{Header, PartEnd, ShearHeader, TimeOrigin, UpToCheckpoint};
 use crate::options::Outcome;
 use crate::output_schedule::OutputSchedule;
 use crate::run::{Checkpoint, Run};
@@ -61,6 +62,10 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     traffic: Traffic,
     /// The last row of the time series.
     latest: Option<SeriesRow>,
+    /// The parts of the protocol that a condition has ended.
+    ends: Vec<PartEnd>,
+    /// What the looks at the part under way have found.
+    watch: Option<Watch>,
 }
 
 /// A sample after its shear, or up to a stop.
@@ -80,7 +85,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         mut state: Snapshot,
     ) -> Result<Self> {
         let (exchange, scene) = (run.exchange, run.scene);
-        let mut schedule = Schedule::new(scene, plane_shear, from.height);
+        let mut schedule = from.with_ends(Schedule::new(scene, plane_shear, from.height));
         if let Some(window) = run.options.replay {
             schedule = schedule.restricted_to(window);
         }
@@ -157,6 +162,8 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             started: Instant::now(),
             traffic,
             latest: None,
+            ends: from.ends,
+            watch: from.watch,
         })
     }
 
@@ -176,11 +183,16 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let mut more = self.boundary.top().state().to_vec();
         more.extend(images.into_iter().flatten());
         let digest = (self.assembly).digest(bytemuck::cast_slice(&more), self.step);
-        let attributes = [
+        let mut attributes = vec![
             ("digest", Attribute::from(digest.clone())),
             ("speed", rate.into()),
             ("rank_map", self.assembly.system.slabs.cuts.clone().into()),
         ];
+        if self.schedule.has_conditions() {
+            let parts = self.schedule.protocol.segments().iter();
+            let begins: Vec<f64> = parts.map(|part| part.first as f64).collect();
+            attributes.push(("part_begins", begins.into()));
+        }
         files.finish(exchange, outcome, &attributes)?;
         let system = &mut self.assembly.system;
         let ending = Ending {
@@ -249,12 +261,17 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         self.schedule.protocol.segment(step).first == step
     }
 
+    /// Whether the state after so many steps is measured.
+    fn is_measured(&self, step: u64) -> bool {
+        self.schedule.due(step).any() || self.schedule.look_due(step)
+    }
+
     /// Whether something is due after so many steps, or measured in the next one.
     fn ends_sweep(&self, step: u64) -> bool {
         let schedule = &self.schedule;
         step >= schedule.steps()
             || self.begins_part(step)
-            || schedule.due(step + 1).any()
+            || self.is_measured(step + 1)
             || schedule.checkpoint_due(step)
             || schedule.progress_due(step)
             || step.is_multiple_of(CHECKPOINT_INTERVAL)
@@ -324,8 +341,42 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         )
     }
 
-    /// Measures a row of the time series and writes it. Collective.
-    fn write_row(&mut self, exchange: &dyn Parallel, at: TimePoint) -> Result<()> {
+    /// Looks whether a condition ends the part under way: then the next step is its last one, so
+    /// that the walls turn to the next part as at every end of a part.
+    fn look(&mut self, run: &Run<'_>, row: &SeriesRow) {
+        let (part, condition) = self.schedule.condition(self.step);
+        let Some(condition) = condition else {
+            return;
+        };
+        let look = Look {
+            stress_ratio: row.stress_ratio,
+            slip: row.slip,
+            slip_rate: row.slip_rate,
+        };
+        let Some(watch) = self.watch.as_mut().filter(|watch| watch.part == part) else {
+            self.watch = Some(Watch::begin(part, &look));
+            return;
+        };
+        let Some(met) = watch.look(condition, &look) else {
+            return;
+        };
+        let segment = self.schedule.protocol.segments()[part];
+        let steps = self.step + 1 - segment.first;
+        if steps >= segment.steps {
+            return;
+        }
+        self.schedule.end_part(part, steps);
+        self.boundary.end_segment(part, steps);
+        self.ends.push(PartEnd { part, steps });
+        run.terminal.say(format!(
+            "shear: part {} ends after step {}: {met}",
+            part + 1,
+            self.step + 1
+        ));
+    }
+
+    /// Measures a row of the time series: its first columns, and all values. Collective.
+    fn measure(&mut self, exchange: &dyn Parallel) -> (SeriesRow, Vec<f64>) {
         let boundary = &self.boundary;
         let system = &mut self.assembly.system;
         let flow = if boundary.kind().has_top() {
@@ -367,8 +418,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             let row = fluctuations::temperatures(exchange, system, scales, &self.frame);
             values.extend(row.columns());
         }
-        self.latest = Some(row);
-        self.files.row(exchange, at, &values)
+        (row, values)
     }
 
     /// The Lees–Edwards offset (m) and the velocity (m/s) of images.
@@ -411,7 +461,7 @@ impl<'a, D: Dimension> Stage<'a, D> for ShearStage<'a, D> {
         if self.plane_shear.removes && self.step.is_multiple_of(REMOVAL_STEPS) {
             self.remove_beyond(run);
         }
-        let sampled = self.schedule.due(self.step + 1).any();
+        let sampled = self.is_measured(self.step + 1);
         let stop = stop || run.asked_to_stop();
         let most = self.steps_without_output(run);
         let drive = self.boundary.drive();
@@ -438,8 +488,16 @@ impl<'a, D: Dimension> Stage<'a, D> for ShearStage<'a, D> {
         if due.any() || self.is_done() {
             self.check_between(exchange)?;
         }
-        if due.row {
-            self.write_row(exchange, at)?;
+        let looks = self.schedule.look_due(step);
+        if due.row || looks {
+            let (row, values) = self.measure(exchange);
+            if due.row {
+                self.latest = Some(row);
+                self.files.row(exchange, at, &values)?;
+            }
+            if looks {
+                self.look(run, &row);
+            }
         }
         let height = self.boundary.top().piston.height - self.frame.walls;
         self.files.frame(&mut self.assembly, due, at, height)?;
@@ -469,6 +527,8 @@ impl<'a, D: Dimension> Stage<'a, D> for ShearStage<'a, D> {
             images: self.images(),
             slider: (self.step > 0).then_some(top.slider.state),
             height: self.schedule.height,
+            ends: self.ends.clone(),
+            watch: self.watch,
             written: self.files.written(),
             energy_budget: budget.map(|budget| budget.save(run.exchange)),
         };

@@ -192,24 +192,26 @@ fn take_changes(
             if before.materials != now.materials {
                 shear.energy_budget = None;
             }
-            let slider = &mut shear.slider;
+            let mut slider = shear.slider;
             if is_heavier || former.load.wall_mass != walls.load.wall_mass {
                 let height = shear.height;
                 let times = mass_of_top(run, now, walls, grains, height)
                     / mass_of_top(run, before, former, grains, height);
                 shear.piston.mass *= times;
                 shear.piston.acceleration /= times;
-                for slider in slider.iter_mut() {
+                if let Some(slider) = &mut slider {
                     slider.acceleration /= times;
                 }
             }
-            if let Some(slider) = slider
+            if let Some(slider) = &mut slider
                 && former.shear.spring.is_some()
                 && walls.shear.spring.is_none()
             {
-                let protocol = Schedule::new(now, walls, shear.height).protocol;
+                let schedule = Schedule::new(now, walls, shear.height);
+                let protocol = shear.with_ends(schedule).protocol;
                 slider.pulled = slider.displacement - protocol.position(slider.step);
             }
+            shear.slider = slider;
         }
         _ => {}
     }
@@ -255,6 +257,8 @@ fn sheared_from(scene: &Scene, plane_shear: &PlaneShear, piston: Piston) -> Shea
         height: height_between(scene, plane_shear, &piston),
         piston,
         slider: None,
+        ends: Vec::new(),
+        watch: None,
         written: Written::default(),
         energy_budget: None,
     }

@@ -303,11 +303,13 @@ impl Terminal {
             Motion::Strain { drive, .. } => self.shearing_to_a_strain(scene, *drive, schedule),
             Motion::Protocol(_) => {
                 for (n, (segment, intervals)) in segments.iter().zip(intervals).enumerate() {
+                    let (_, condition) = schedule.condition(segment.first);
                     self.say(format!(
-                        "shear: part {} of {}: {} for {:.4e} s, {} steps; {}, {}",
+                        "shear: part {} of {}: {} for {}{:.4e} s, {} steps; {}, {}",
                         n + 1,
                         segments.len(),
                         imposed(schedule, segment),
+                        if condition.is_some() { "at most " } else { "" },
                         schedule.time(segment.steps),
                         segment.steps,
                         every("frames", intervals.frames.steps()),

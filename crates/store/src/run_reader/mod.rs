@@ -605,11 +605,12 @@ impl RunFile {
         }
         if self.has_protocol() || gshear_scene::has_key(self.scene(), "shear.ramp") {
             return Ok(match self.schedule() {
-                Some(schedule) if !schedule.protocol.has_force() => {
+                Some(schedule) if !schedule.protocol.has_force() && !schedule.has_conditions() => {
                     let steps = self.step.iter();
                     steps.map(|step| schedule.strain(*step)).collect()
                 }
-                // The speed of a wall under a force is not known in advance.
+                // The speed of a wall under a force is not known in advance, nor when a condition
+                // ends a part.
                 _ => self.interpolated_strains(),
             });
         }
