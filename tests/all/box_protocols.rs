@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::common::{Outcome, gshear_mpi};
+use crate::common::{Outcome, gshear_mpi, reducer, succeed};
 use gshear_store::file_names::RUN_FILE;
 use gshear_store::run_reader::RunFile;
 
@@ -105,6 +105,28 @@ fn a_small_cycle_without_friction_is_reversible() {
             (found - expected).abs() < 1e-4 * rise,
             "{row}: {found} {rise}"
         );
+    }
+    // The report draws the stress over the strain on which it works.
+    succeed(reducer().arg("report").arg(folder.path()));
+    let report = folder.path().join("report");
+    let page = std::fs::read_to_string(report.join("index.html")).expect("a page");
+    for figure in [
+        "strains",
+        "volume-strain",
+        "stress-path",
+        "stress-strain-loops",
+    ] {
+        assert!(
+            page.contains(&format!("<figure id=\"{figure}\">")),
+            "{figure}"
+        );
+    }
+    let loops = std::fs::read_to_string(report.join("stress-strain-loops.csv"));
+    let loops = loops.expect("the data of the figure");
+    let number = |word: &str| word.parse::<f64>().expect("a number");
+    for (row, line) in loops.lines().skip(1).enumerate() {
+        let values: Vec<f64> = line.split(',').map(number).collect();
+        assert_eq!(values, [row as f64, strain[row], stress[row]]);
     }
 }
 

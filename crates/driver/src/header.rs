@@ -698,8 +698,8 @@ pub struct Beyond {
     pub pressure: Option<f64>,
 }
 
-/// The way to some stresses in a strain step: of each control the stress, and the strain of the axes
-/// that it moves. Without so many controls the last values are 0.
+/// The way to some stresses in a strain step: of each control the stress, and the strain of the
+/// axes that it moves. Without so many controls the last values are 0.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Correction {

@@ -4,9 +4,9 @@
 use gshear_store::run_reader::{RunFile, Series};
 
 use super::ReportFigure;
-use super::boxes::MeasuredCurve;
 use super::curves::{lines, percent_of};
-use super::history::{Axis, LAYOUT};
+use super::history::{Axis, LAYOUT, MeasuredCurve};
+use super::panels::has_sheared;
 
 /// Columns of the strains, and their names in the legend.
 const STRAINS: [(&str, &str); 5] = [
@@ -16,11 +16,6 @@ const STRAINS: [(&str, &str); 5] = [
     ("strain_zz", "ε_{zz}"),
     ("volume_strain", "ε_{v}"),
 ];
-
-/// Whether a protocol has sheared the box.
-pub fn has_sheared(series: &Series) -> bool {
-    series.column("shear_strain").iter().any(|x| *x != 0.0)
-}
 
 /// The strain on which the stress works: γ if the box was sheared, else that along its height.
 fn worked_on(run: &RunFile) -> (&'static str, &'static str) {
@@ -50,7 +45,6 @@ pub fn figures(run: &RunFile, way: &Axis, label: &str, stress: &[f64]) -> Vec<Re
         label: "pressure P",
         column: ("pressure", series.column("pressure").to_vec()),
     };
-    let volume = percent_of(series.column("volume_strain"));
     let curves = [
         (
             &of_strain,
@@ -67,9 +61,9 @@ pub fn figures(run: &RunFile, way: &Axis, label: &str, stress: &[f64]) -> Vec<Re
             MeasuredCurve {
                 name: "volume-strain",
                 caption: "Strain of the volume, compression positive.".into(),
-                label: "volume strain ε_{v} (%)",
-                column: "volume_strain_percent",
-                values: &volume,
+                label: "volume strain ε_{v}",
+                column: "volume_strain",
+                values: series.column("volume_strain"),
             },
         ),
         (

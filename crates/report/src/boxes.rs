@@ -12,9 +12,8 @@ use gshear_store::run_reader::{RunFile, RunStage, Series};
 
 use super::ReportFigure;
 use super::box_protocol;
-use super::curves::lines;
 use super::eigenvalue_figures::{self, SpectrumRow};
-use super::history::{Axis, LAYOUT, drawn};
+use super::history::{Axis, MeasuredCurve, drawn};
 use super::page::Facts;
 use super::panels::{Deformation, PANELS};
 
@@ -133,27 +132,6 @@ impl Measured {
             .into_iter()
             .filter_map(|curve| curve.drawn(axis, series));
         figures.collect()
-    }
-}
-
-/// A figure of one quantity.
-pub struct MeasuredCurve<'a> {
-    pub name: &'static str,
-    pub caption: String,
-    /// At the axis.
-    pub label: &'a str,
-    /// In the data.
-    pub column: &'static str,
-    /// `[L]`.
-    pub values: &'a [f64],
-}
-
-impl MeasuredCurve<'_> {
-    /// `None` without two values.
-    pub fn drawn(self, axis: &Axis, series: &Series) -> Option<ReportFigure> {
-        let svg = lines(LAYOUT, axis.abscissa(), self.label, &[("", self.values)])?;
-        let data = axis.table_of(series, &[(self.column, self.values)]);
-        Some(ReportFigure::new(self.name, self.caption, svg, data))
     }
 }
 

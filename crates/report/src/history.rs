@@ -77,6 +77,27 @@ impl Axis {
     }
 }
 
+/// A figure of one quantity.
+pub struct MeasuredCurve<'a> {
+    pub name: &'static str,
+    pub caption: String,
+    /// At the axis.
+    pub label: &'a str,
+    /// In the data.
+    pub column: &'static str,
+    /// `[L]`.
+    pub values: &'a [f64],
+}
+
+impl MeasuredCurve<'_> {
+    /// `None` without two values.
+    pub fn drawn(self, axis: &Axis, series: &Series) -> Option<ReportFigure> {
+        let svg = lines(LAYOUT, axis.abscissa(), self.label, &[("", self.values)])?;
+        let data = axis.table_of(series, &[(self.column, self.values)]);
+        Some(ReportFigure::new(self.name, self.caption, svg, data))
+    }
+}
+
 /// Draws the quantities that the run has recorded.
 pub fn figures(run: &RunFile, axis: &Axis) -> Vec<ReportFigure> {
     let driven = is_driven(run);

@@ -2,10 +2,8 @@
 
 use std::sync::LazyLock;
 
-use gshear_store::run_reader::RunFile;
+use gshear_store::run_reader::{RunFile, Series};
 use serde::Deserialize;
-
-use super::box_protocol;
 
 /// # Panics
 /// If `panels.toml` is wrong, which is a bug.
@@ -111,11 +109,16 @@ impl Deformation {
             .get("aqs")
             .and_then(|table| table.get("deformation")?.as_str());
         let key = match key {
-            Some("protocol") if box_protocol::has_sheared(run.series()) => Some("protocol-shear"),
+            Some("protocol") if has_sheared(run.series()) => Some("protocol-shear"),
             key => key,
         };
         let known = &PANELS.deformations;
         let deformation = known.iter().find(|known| Some(&*known.key) == key);
         deformation.unwrap_or(&known[0])
     }
+}
+
+/// Whether a protocol has sheared the box.
+pub(crate) fn has_sheared(series: &Series) -> bool {
+    series.column("shear_strain").iter().any(|x| *x != 0.0)
 }

@@ -124,8 +124,11 @@ impl<D: Dimension> Strain<'_, D> {
     pub(super) fn follow(&mut self, parts: &[StrainPart], step: u64) -> Result<Option<Search>> {
         let (n, within) = StrainPart::of_step(parts, step).expect("a strain step of the protocol");
         let part = &parts[n];
-        // A part may move other axes than the one before.
-        let corrected = self.stretched().corrected.filter(|_| within > 1);
+        let mut corrected = self.stretched().corrected;
+        if within == 1 {
+            // A part may move other axes than the one before.
+            corrected = None;
+        }
         let wanted = self.wanted_stresses(part.steps + 1 - within);
         let share = part.share(within) - part.share(within - 1);
         if part.shear != 0.0 {
