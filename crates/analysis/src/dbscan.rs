@@ -1,9 +1,11 @@
-//! Density-based clusters of points (DBSCAN: Ester, Kriegel, Sander & Xu, KDD 1996), periodic along
-//! x.
+//! Density-based clusters of points (DBSCAN: Ester, Kriegel, Sander & Xu, KDD 1996) in a periodic
+//! cell.
 //!
 //! An implementation of its own because the cell is periodic.
 
-use super::neighbourhood::{cells, separation};
+use gshear_dem::dimension::Dimension;
+use gshear_dem::neighbour::{Bins, LocalExtent};
+use gshear_dem::state::{Cell, length};
 
 /// Buffers of the search, reused from frame to frame.
 #[derive(Debug, Default)]
@@ -15,18 +17,18 @@ pub struct Dbscan {
 impl Dbscan {
     /// Finds the cluster of every point and returns the number of clusters.
     ///
-    /// - `length`: L_x (m); `epsilon`: ε (m); `points`: (m), wrapped into [0, L_x) along x.
+    /// - `epsilon`: ε (m); `points`: (m), wrapped into `cell`.
     /// - `min_points`: minPts; a point with this many points within ε, itself included, is a core
     ///   point. With 1 there is no noise.
     /// - `labels`: result, as long as `points`; `None` for noise. Clusters are numbered by their
     ///   first core points. A point that is no core point belongs to the first cluster with a core
     ///   point within ε of it.
-    pub fn clusters(
+    pub fn clusters<D: Dimension>(
         &mut self,
-        length: f64,
+        cell: Cell,
         epsilon: f64,
         min_points: usize,
-        points: &[[f64; 2]],
+        points: &[[f64; 3]],
         labels: &mut Vec<Option<u32>>,
     ) -> usize {
         let Dbscan { core, stack } = self;
@@ -35,12 +37,11 @@ impl Dbscan {
         if points.is_empty() {
             return 0;
         }
-        let cells = cells(length, epsilon, points);
+        let bins = Bins::<D>::new(cell, LocalExtent::whole(cell.periods[0]), epsilon, points);
         let near = |i: usize, found: &mut dyn FnMut(usize)| {
-            let [x, y] = points[i];
-            cells.each_near(&[x, y, 0.0], |j| {
-                let d = separation(length, points[i], points[j as usize]);
-                if d[0] * d[0] + d[1] * d[1] <= epsilon * epsilon {
+            bins.each_near(&points[i], |j| {
+                let d = cell.separation::<D>(&points[j as usize], &points[i]);
+                if length(d) <= epsilon {
                     found(j as usize);
                 }
             });

@@ -37,14 +37,13 @@ pub(crate) fn vectors(frame: &Frame, contact: &ContactSample) -> ContactVectors 
     }
 }
 
-/// Returns |θ| (rad) of disks, 0 … π/2: the angle between the x axis and the line of the contact
-/// force.
+/// Returns |θ| (rad), 0 … π/2: the angle between the x axis and the line of the contact force.
 ///
 /// The angle is that of the line, not of the vector: i and j feel opposite forces, and their order
 /// in the contact is arbitrary.
 pub(crate) fn angle(frame: &Frame, contact: &ContactSample) -> f64 {
-    let [x, y, _] = vectors(frame, contact).force;
-    y.abs().atan2(x.abs())
+    let [x, y, z] = vectors(frame, contact).force;
+    y.hypot(z).atan2(x.abs())
 }
 
 /// Writes the differential force network to `changes`: the change of |f| of every contact of the

@@ -9,6 +9,7 @@
 //! | --- | --- |
 //! | [`phases`], [`tau`], [`drop_stages`], [`phase_measures`], [`correlate`] | stick and slip phases of τ, statistics per phase and their correlations |
 //! | [`interval`], [`dmin`], [`displacement`], [`overlap`] | D²min and displacements between two frames |
+//! | [`events`] | clusters of D²min in space and time, and their propagator |
 //! | [`regions`], [`dbscan`], [`rattlers`] | regions of rearranging grains (GR regions) |
 //! | [`forces`], [`mod@stress`], [`frame_scalars`] | contact forces, stresses, scalars of a frame |
 //! | [`moments`], [`time_mean`], [`spearman`], [`ranges`] | statistics |
@@ -41,6 +42,7 @@ pub mod dbscan;
 pub mod displacement;
 pub mod dmin;
 pub mod drop_stages;
+pub mod events;
 pub mod forces;
 pub mod frame_scalars;
 pub mod growth;

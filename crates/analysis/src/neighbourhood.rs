@@ -27,7 +27,7 @@ pub fn separation(length: f64, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
 }
 
 /// Sorts points (m), wrapped into [0, `length`) along x, into cells of at least `reach` (m).
-pub fn cells(length: f64, reach: f64, points: &[[f64; 2]]) -> Bins<Two> {
+fn cells(length: f64, reach: f64, points: &[[f64; 2]]) -> Bins<Two> {
     let cell = Cell::between_walls([length, f64::INFINITY]);
     let places: Vec<[f64; 3]> = points.iter().map(|[x, y]| [*x, *y, 0.0]).collect();
     Bins::new(cell, LocalExtent::whole(length), reach, &places)

@@ -3,6 +3,7 @@
 
 use super::dbscan::Dbscan;
 use super::forces;
+use gshear_dem::dimension::{Dimensions, Three, Two};
 use gshear_dem::state::{Frame, GrainConstants};
 
 /// Share of all grains, those of the greatest reduction, that form the regions.
@@ -78,7 +79,7 @@ pub struct Regions {
     changes: Vec<f64>,
     /// `[N]` Reduction of force of a grain (N/m), negative.
     reduction: Vec<f64>,
-    points: Vec<[f64; 2]>,
+    points: Vec<[f64; 3]>,
     dbscan: Dbscan,
     /// By [`Reduction`].
     clusters: [Clusters; 3],
@@ -139,14 +140,17 @@ impl Regions {
         self.points.clear();
         for n in &clusters.grains {
             clusters.within[*n as usize] = true;
-            let [x, y, _] = later.position(*n as usize);
-            self.points.push([x, y]);
+            self.points.push(later.position(*n as usize));
         }
         let epsilon = EPSILON * grains.mean_radius();
         for reading in MinPoints::ALL {
-            let (length, points) = (later.cell.periods[0], &self.points);
+            let (cell, points) = (later.cell, &self.points);
             let (least, labels) = (reading.count(), &mut clusters.labels[reading as usize]);
-            let count = self.dbscan.clusters(length, epsilon, least, points, labels);
+            let dbscan = &mut self.dbscan;
+            let count = match later.dimension {
+                Dimensions::Two => dbscan.clusters::<Two>(cell, epsilon, least, points, labels),
+                Dimensions::Three => dbscan.clusters::<Three>(cell, epsilon, least, points, labels),
+            };
             clusters.counts[reading as usize] = count;
         }
     }

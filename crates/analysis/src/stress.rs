@@ -1,7 +1,10 @@
 //! Contact stress of single grains, and the stress ratio τ on the top wall, from the contacts of a
 //! frame.
 
+use nalgebra::Matrix3;
+
 use super::forces::{self, ContactVectors};
+use gshear_dem::dimension::Dimensions;
 use gshear_dem::state::{Frame, GrainConstants};
 
 /// The axes of the components of a stress, in their order.
@@ -62,8 +65,16 @@ pub fn ratio_on_top(grains: &GrainConstants, frame: &Frame) -> f64 {
     -on_wall[0] / on_wall[1]
 }
 
-/// Returns σ_p of every disk, `[N]` (Pa): the largest principal value of its stress.
+/// Returns σ_p of every grain, `[N]` (Pa): the largest principal value of its stress.
 pub(crate) fn largest_principals(grains: &GrainConstants, frame: &Frame) -> Vec<f64> {
+    if frame.dimension == Dimensions::Three {
+        let stresses = tensors(grains, frame).into_iter();
+        let principals = stresses.map(|[xx, yy, zz, xy, xz, yz]| {
+            let stress = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+            stress.symmetric_eigenvalues().max()
+        });
+        return principals.collect();
+    }
     let moments = force_moments(grains, frame).into_iter();
     let principals = moments.zip(&grains.radius).map(|(moments, radius)| {
         // R/(πR²) would round differently from what runs have stored.

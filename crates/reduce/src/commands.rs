@@ -4,6 +4,7 @@ mod columns;
 pub mod compare;
 mod correlate;
 pub(crate) mod dmin;
+mod events;
 mod export;
 mod figure_arguments;
 mod growth;
@@ -33,7 +34,7 @@ use gshear_store::status::{RunState, Status};
 /// Reduces runs of gshear-mpi: D²min, stick and slip phases, rate-and-state fits, spectra, reports
 ///
 /// RUN is a run.h5 or the folder that holds one: the first stage of a run. Commands that need a
-/// shear take that, whichever it is; info, compare, dmin, export, movie, report, spectrum and
+/// shear take that, whichever it is; info, compare, dmin, events, export, movie, report, spectrum and
 /// stability also take a later stage by its path, run.h5/aqs, run.h5/newtonian or run.h5/shear. A
 /// run that is under way or was stopped early is read up to its last complete row and frame.
 ///
@@ -63,6 +64,7 @@ pub enum Command {
     Regions(regions::Arguments),
     Correlate(correlate::Arguments),
     Stages(stages::Arguments),
+    Events(events::Arguments),
     Growth(growth::Arguments),
     Export(export::Arguments),
     Movie(movie::Arguments),
@@ -134,6 +136,7 @@ fn once<'a>(arguments: &'a Arguments, printer: &mut Printer) -> (Vec<&'a PathBuf
         Command::Regions(command) => (vec![&command.run], command.run(printer)),
         Command::Correlate(command) => (vec![&command.run], command.run(printer)),
         Command::Stages(command) => (vec![&command.run], command.run(threads, printer)),
+        Command::Events(command) => (vec![&command.run], command.run(printer)),
         Command::Growth(command) => (vec![&command.run], command.run(printer)),
         Command::Export(command) => (vec![&command.run], command.run(printer)),
         Command::Movie(command) => (vec![&command.run], command.run(printer)),

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use gshear_dem::failure::Result;
+use gshear_scene::Dimensions;
 use gshear_store::dictionary;
 use gshear_store::file_names::is_reduced;
 use gshear_store::text_writer::refuse_linked_folder;
@@ -71,4 +72,10 @@ impl Results {
         dictionary::write_table(&path, csv, axes)?;
         printer.wrote(&path)
     }
+}
+
+/// The names of the columns of the components of a vector.
+pub(crate) fn vector_columns(begin: &str, end: &str, dimension: Dimensions) -> Vec<String> {
+    let axes = ["x", "y", "z"].into_iter().take(dimension.axes());
+    axes.map(|axis| format!("{begin}{axis}{end}")).collect()
 }

@@ -81,12 +81,12 @@ impl FrameSeries {
     }
 }
 
-/// Returns the scalars of every frame of any run, `[T]`; of spheres and boxes those of D²min alone.
+/// Returns the scalars of every frame of any run, `[T]`; without walls those of D²min alone.
 ///
 /// # Errors
 /// A damaged run.
 pub(crate) fn of_any(run: &RunFile) -> Result<Vec<FrameScalars>> {
-    if run.has_disks_between_walls() {
+    if run.boundary().has_walls() {
         return Ok(FrameSeries::of(run)?.scalars);
     }
     let mut scalars = vec![FrameScalars::UNDEFINED; run.frames().min(1)];
@@ -173,7 +173,6 @@ impl PairWork for ScalarsOfPairs<'_> {
 fn compute(run: &RunFile) -> Result<Vec<FrameRow>> {
     let mut rows = Vec::with_capacity(run.frames());
     if run.frames() > 0 {
-        run.need_disks()?;
         let first = run.records_with(0..1, FrameFields::Forces)?.swap_remove(0);
         let tau = ratio_on_top(run.grains(), &first);
         rows.push((tau, FrameScalars::UNDEFINED));

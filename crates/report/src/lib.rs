@@ -27,6 +27,7 @@ pub mod colour;
 mod curves;
 pub mod drawing;
 pub mod eigenvalue_figures;
+pub mod events;
 mod frame_picture;
 mod histogram;
 mod history;

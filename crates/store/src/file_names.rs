@@ -37,7 +37,7 @@ pub const STATUS_FILE: &str = "status.json";
 
 /// What `gshear-reduce` writes into the folder of a run unless told otherwise, apart from metadata
 /// of tables and from exports.
-const REDUCED: [&str; 24] = [
+const REDUCED: [&str; 29] = [
     "report",
     "sweep-report",
     "rate-state",
@@ -54,6 +54,11 @@ const REDUCED: [&str; 24] = [
     "stages-steps.csv",
     "stages-grains.csv",
     "stages-contacts.csv",
+    "events.csv",
+    "events-grains.csv",
+    "events-propagator.csv",
+    "events-map.csv",
+    "events-pairs.csv",
     "growth.csv",
     "growth-grains.csv",
     "stability.csv",
@@ -63,6 +68,15 @@ const REDUCED: [&str; 24] = [
     "spectrum.svg",
     "spectrum.pdf",
     "spectrum.png",
+];
+
+/// Figures of events, without their endings.
+const EVENT_FIGURES: [&str; 5] = [
+    "events",
+    "events-sizes",
+    "events-displacement",
+    "events-stress",
+    "events-propagator",
 ];
 
 /// Whether `gshear-reduce` writes something of this name into the folder of a run unless told
@@ -77,6 +91,7 @@ pub fn is_reduced(name: &str) -> bool {
         || match ending {
             // The folder of its frames has no ending.
             "" | "mp4" | "png" if is_movie => true,
+            "svg" | "pdf" | "png" if EVENT_FIGURES.contains(&stem) => true,
             "dump" | "vtkhdf" | "xyz" | "npz" | "csv" => {
                 ["frames", "aqs-frames", "newtonian-frames"].contains(&of_frames)
             }
@@ -118,6 +133,7 @@ mod tests {
             "aqs-frames.vtkhdf",
             "frames-contacts.csv-metadata.json",
             "aqs-movie.png",
+            "events-stress.pdf",
             "movie",
         ] {
             assert!(is_reduced(name), "{name}");

@@ -5,7 +5,7 @@ use gshear_analysis::dbscan::Dbscan;
 use gshear_analysis::dmin::NonAffine;
 use gshear_analysis::interval::Interval;
 use gshear_analysis::spearman::{Spearman, ranks};
-use gshear_dem::dimension::Dimensions;
+use gshear_dem::dimension::{Dimensions, Two};
 use gshear_dem::state::{Cell, ContactSample, Frame, GrainConstants, GrainSample};
 use serde_json::Value;
 
@@ -89,13 +89,14 @@ fn clusters_are_those_of_scikit_learn() {
     let cases = cases(include_str!("references/dbscan.json"));
     assert_eq!(cases.len(), 50);
     let (mut dbscan, mut labels) = (Dbscan::default(), Vec::new());
+    let cell = Cell::between_walls([1.0, f64::INFINITY]);
     let mut noise = 0;
     for case in &cases {
         let n = count(case, "count");
         let coordinates = uniform(case["seed"].as_u64().expect("a seed"), 2 * n);
-        let points: Vec<[f64; 2]> = coordinates.chunks(2).map(|r| [r[0], r[1]]).collect();
+        let points: Vec<[f64; 3]> = (coordinates.chunks(2).map(|r| [r[0], r[1], 0.0])).collect();
         let (reach, least) = (number(&case["reach"]), count(case, "min_points"));
-        let clusters = dbscan.clusters(1.0, reach, least, &points, &mut labels);
+        let clusters = dbscan.clusters::<Two>(cell, reach, least, &points, &mut labels);
         let wanted: Vec<i64> = case["labels"]
             .as_array()
             .expect("labels")

@@ -15,25 +15,31 @@ pub fn fit<D: Dimension>(
     dmin: &mut [f64],
 ) {
     let motion = Motion::new::<D>(interval);
-    let (cell, places) = (motion.cell, &motion.place);
-    let bins = Bins::<D>::new(cell, LocalExtent::whole(cell.periods[0]), radius, places);
+    let bins = motion.bins::<D>(radius);
     for (i, value) in dmin.iter_mut().enumerate() {
-        if left_out[i] {
-            *value = f64::NAN;
-            continue;
-        }
-        let mut pairs: Vec<Pair> = Vec::new();
-        bins.each_near(&places[i], |j| {
-            let j = j as usize;
-            if j != i && !left_out[j] {
-                let pair = motion.pair::<D>(i, j);
-                if pair.separation.norm() < radius {
-                    pairs.push(pair);
-                }
-            }
-        });
-        *value = residual::<D>(&pairs, radius);
+        *value = if left_out[i] {
+            f64::NAN
+        } else {
+            residual::<D>(&motion.neighbours(&bins, i, left_out, radius), radius)
+        };
     }
+}
+
+/// Returns the best gradient G of the displacements around some grains, u = G b; NaN where it is
+/// not defined. In 2D its third row and column are 0.
+pub fn gradients<D: Dimension>(
+    interval: &Interval<'_>,
+    left_out: &[bool],
+    radius: f64,
+    wanted: &[u32],
+) -> Vec<Matrix3<f64>> {
+    let motion = Motion::new::<D>(interval);
+    let bins = motion.bins::<D>(radius);
+    let gradients = wanted.iter().map(|i| {
+        let pairs = motion.neighbours(&bins, *i as usize, left_out, radius);
+        best_gradient::<D>(&pairs, radius).unwrap_or(Matrix3::repeat(f64::NAN))
+    });
+    gradients.collect()
 }
 
 /// Places and displacements of all grains in an interval.
@@ -66,6 +72,32 @@ impl Motion {
             place: earlier.grains.iter().map(|grain| grain.position).collect(),
             displacement: ids.map(|n| interval.displacement_in::<D>(n)).collect(),
         }
+    }
+
+    fn bins<D: Dimension>(&self, radius: f64) -> Bins<D> {
+        let extent = LocalExtent::whole(self.cell.periods[0]);
+        Bins::new(self.cell, extent, radius, &self.place)
+    }
+
+    /// The neighbours of grain i within the radius that are not left out.
+    fn neighbours<D: Dimension>(
+        &self,
+        bins: &Bins<D>,
+        i: usize,
+        left_out: &[bool],
+        radius: f64,
+    ) -> Vec<Pair> {
+        let mut pairs: Vec<Pair> = Vec::new();
+        bins.each_near(&self.place[i], |j| {
+            let j = j as usize;
+            if j != i && !left_out[j] {
+                let pair = self.pair::<D>(i, j);
+                if pair.separation.norm() < radius {
+                    pairs.push(pair);
+                }
+            }
+        });
+        pairs
     }
 
     fn pair<D: Dimension>(&self, i: usize, j: usize) -> Pair {
@@ -106,9 +138,9 @@ fn images<D: Dimension>(cell: &Cell, near: [f64; 3], a: &[f64; 3], b: &[f64; 3])
     counts
 }
 
-/// Returns the mean square residual of the changes u of the separations b after the best gradient G
-/// in u = G b; NaN if it is not defined.
-fn residual<D: Dimension>(pairs: &[Pair], radius: f64) -> f64 {
+/// Returns the best gradient G in u = G b of the changes u of the separations b; `None` if it is
+/// not defined.
+fn best_gradient<D: Dimension>(pairs: &[Pair], radius: f64) -> Option<Matrix3<f64>> {
     let mut y = Matrix3::zeros();
     let mut x = Matrix3::zeros();
     for Pair { separation, change } in pairs {
@@ -119,9 +151,18 @@ fn residual<D: Dimension>(pairs: &[Pair], radius: f64) -> f64 {
     (D::AXES..3).for_each(|axis| y[(axis, axis)] = 1.0);
     let scale = radius * radius * pairs.len() as f64;
     let regular = pairs.len() >= D::AXES && y.determinant() > 1e-12 * scale.powi(D::AXES as i32);
-    let gradient = match y.try_inverse() {
-        Some(inverse) if regular => x * inverse,
-        _ => return f64::NAN,
+    if regular {
+        y.try_inverse().map(|inverse| x * inverse)
+    } else {
+        None
+    }
+}
+
+/// Returns the mean square residual of the changes u of the separations b after the best gradient G
+/// in u = G b; NaN if it is not defined.
+fn residual<D: Dimension>(pairs: &[Pair], radius: f64) -> f64 {
+    let Some(gradient) = best_gradient::<D>(pairs, radius) else {
+        return f64::NAN;
     };
     let left = (pairs.iter()).map(|pair| (pair.change - gradient * pair.separation).norm_squared());
     left.sum::<f64>() / pairs.len() as f64

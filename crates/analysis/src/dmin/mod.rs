@@ -9,6 +9,8 @@ mod by_pair;
 
 use std::fmt;
 
+use nalgebra::Matrix3;
+
 use super::interval::Interval;
 use super::rattlers::RattlerRule;
 use gshear_dem::dimension::{Dimensions, Three, Two};
@@ -66,6 +68,41 @@ impl fmt::Display for DefinedCounts {
     }
 }
 
+/// The strain E = ½(FᵀF - 1) of a neighbourhood, with F = 1 + G (Falk & Langer, Phys. Rev. E 57,
+/// 7192, 1998).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LocalStrain {
+    /// 2 E between the flow and the gradient direction: the shear strain along the imposed one.
+    pub along: f64,
+    /// √(½ E':E') of the deviator E' (Shimizu, Ogata & Li, Mater. Trans. 48, 2923, 2007); half the
+    /// shear strain in simple shear.
+    pub invariant: f64,
+}
+
+impl LocalStrain {
+    const UNDEFINED: Self = Self {
+        along: f64::NAN,
+        invariant: f64::NAN,
+    };
+
+    /// Of a displacement gradient G in so many dimensions.
+    fn of(gradient: Matrix3<f64>, axes: usize) -> Self {
+        let strain = 0.5 * (gradient + gradient.transpose() + gradient.transpose() * gradient);
+        let mean = (0..axes).map(|k| strain[(k, k)]).sum::<f64>() / axes as f64;
+        let mut squares = 0.0;
+        for a in 0..axes {
+            for b in 0..axes {
+                let deviator = strain[(a, b)] - if a == b { mean } else { 0.0 };
+                squares += deviator * deviator;
+            }
+        }
+        Self {
+            along: 2.0 * strain[(0, axes - 1)],
+            invariant: (0.5 * squares).sqrt(),
+        }
+    }
+}
+
 /// Computes D²min; its buffers are reused from frame to frame.
 #[derive(Debug, Default)]
 pub struct NonAffine {
@@ -116,6 +153,35 @@ impl NonAffine {
             Dimensions::Two => by_grain::fit::<Two>(interval, &self.left_out, radius, dmin),
             Dimensions::Three => by_grain::fit::<Three>(interval, &self.left_out, radius, dmin),
         }
+    }
+
+    /// Computes the local strain around some grains between two frames, from the affine map whose
+    /// residual is D²min. NaN where D²min is undefined.
+    ///
+    /// - `radius`: of the neighbourhood (m), as of [`Self::between`].
+    /// - `wanted`: the grains.
+    pub fn strains(
+        &mut self,
+        grains: &GrainConstants,
+        interval: &Interval<'_>,
+        radius: f64,
+        wanted: &[u32],
+    ) -> Vec<LocalStrain> {
+        self.leave_out(grains, interval);
+        let (left_out, dimension) = (&self.left_out, interval.later().dimension);
+        let gradients = match dimension {
+            Dimensions::Two => by_grain::gradients::<Two>(interval, left_out, radius, wanted),
+            Dimensions::Three => by_grain::gradients::<Three>(interval, left_out, radius, wanted),
+        };
+        let gradients = wanted.iter().zip(gradients);
+        let strains = gradients.map(|(n, gradient)| {
+            if left_out[*n as usize] {
+                LocalStrain::UNDEFINED
+            } else {
+                LocalStrain::of(gradient, dimension.axes())
+            }
+        });
+        strains.collect()
     }
 
     /// Marks the grains that are neither centres nor neighbours.

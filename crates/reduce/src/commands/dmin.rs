@@ -65,7 +65,7 @@ pub enum Rattlers {
 }
 
 impl Rattlers {
-    fn rule(self, run: &RunFile) -> RattlerRule {
+    pub(super) fn rule(self, run: &RunFile) -> RattlerRule {
         match self {
             Self::LeeHurley => RattlerRule::LeeHurley,
             Self::Balance => RattlerRule::Balance {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::correlate::GrainReduction;
 use super::replay::{self, Rows};
 use crate::printer::Printer;
-use crate::results::Results;
+use crate::results::{Results, vector_columns};
 use crate::scalars::FrameSeries;
 use gshear_analysis::displacement::{self, tension};
 use gshear_analysis::drop_stages::Stages;
@@ -16,6 +16,7 @@ use gshear_analysis::phases;
 use gshear_analysis::regions::Reduction;
 use gshear_dem::failure::Result;
 use gshear_dem::state::{Frame, GrainConstants};
+use gshear_scene::Dimensions;
 use gshear_store::csv_table::Table;
 use gshear_store::run_reader::{FrameFields, RunFile};
 
@@ -66,7 +67,7 @@ struct MapStep {
     /// `[N]` D²min (m²); NaN where undefined.
     dmin: Vec<f64>,
     /// `[N]` Non-affine displacement (m).
-    displacement: Vec<[f64; 2]>,
+    displacement: Vec<[f64; 3]>,
 }
 
 impl Arguments {
@@ -114,12 +115,17 @@ impl Arguments {
         let grains = run.grains();
         let mut tables = vec![("stages.csv", of_stages(&stages, step, strain))];
         if !steps.is_empty() {
-            tables.push(("stages-steps.csv", of_steps(grains, &steps)));
-            tables.push(("stages-grains.csv", of_grains(grains, &steps)));
-            tables.push(("stages-contacts.csv", of_contacts(&steps)));
+            let maps = MapTables {
+                grains,
+                dimension: run.dimension(),
+                steps: &steps,
+            };
+            tables.push(("stages-steps.csv", maps.of_steps()));
+            tables.push(("stages-grains.csv", maps.of_grains()));
+            tables.push(("stages-contacts.csv", maps.of_contacts()));
         }
-        // Of disks.
-        (tables.iter()).try_for_each(|(name, csv)| results.table_in(2, name, csv, printer))
+        let axes = run.dimension().axes();
+        (tables.iter()).try_for_each(|(name, csv)| results.table_in(axes, name, csv, printer))
     }
 }
 
@@ -229,15 +235,14 @@ impl MapStep {
     }
 
     /// The centre of a grain (m); NaN if it was removed.
-    fn centre(&self, grain: usize) -> [f64; 2] {
-        let [x, y, _] = self.frame.position(grain);
-        [x, y]
+    fn centre(&self, grain: usize) -> [f64; 3] {
+        self.frame.position(grain)
     }
 
     /// Place of the greatest D²min, and the direction of tension around it; NaN where undefined.
-    fn tension(&self, grains: &GrainConstants) -> [[f64; 2]; 2] {
+    fn tension(&self, grains: &GrainConstants) -> [[f64; 3]; 2] {
         let Some(&greatest) = self.by_dmin().first() else {
-            return [[f64::NAN; 2]; 2];
+            return [[f64::NAN; 3]; 2];
         };
         let centre = self.centre(greatest);
         let radius = REGION * 2.0 * grains.mean_radius();
@@ -248,7 +253,7 @@ impl MapStep {
             centre,
             radius,
         );
-        [centre, along.unwrap_or([f64::NAN; 2])]
+        [centre, along.unwrap_or([f64::NAN; 3])]
     }
 }
 
@@ -271,62 +276,87 @@ fn of_stages(stages: &Stages, step: &[u64], strain: &[f64]) -> String {
         .csv()
 }
 
-/// Returns one line per step; lengths in m.
-fn of_steps(grains: &GrainConstants, steps: &[MapStep]) -> String {
-    Table::of(steps)
-        .column("step", |step| step.number)
-        .column("stage", |step| step.stage)
-        .columns(["start_step", "end_step"], |step| step.steps)
-        .columns(["start_strain", "end_strain"], |step| step.strain)
-        .columns(["x", "y", "tension_x", "tension_y"], |step| {
-            step.tension(grains).into_iter().flatten()
-        })
-        .csv()
+/// The tables of the intervals around the drop; lengths in m, D²min in m², forces in N, of disks in
+/// N/m.
+struct MapTables<'a> {
+    grains: &'a GrainConstants,
+    dimension: Dimensions,
+    steps: &'a [MapStep],
 }
 
-/// Returns one line per grain and step; lengths in m, D²min in m².
-fn of_grains(grains: &GrainConstants, steps: &[MapStep]) -> String {
-    let rows = steps.iter().flat_map(|step| {
-        let top = step.top();
-        (0..grains.count()).map(move |n| (step, n, top.contains(&n)))
-    });
-    Table::of(rows)
-        .column("step", |(step, ..)| step.number)
-        .column("stage", |(step, ..)| step.stage)
-        .columns(["start_strain", "end_strain"], |(step, ..)| step.strain)
-        .column("grain", |(_, n, _)| *n)
-        .column("body", |(_, n, _)| grains.body[*n])
-        .columns(["x", "y"], |(step, n, _)| step.centre(*n))
-        .column("radius", |(_, n, _)| grains.radius[*n])
-        .column("in_gr_region", |(step, n, _)| {
-            u8::from(step.regions.binary_search(&(*n as u32)).is_ok())
-        })
-        .column("dmin", |(step, n, _)| step.dmin[*n])
-        .column("greatest_dmin", |(.., is_top)| u8::from(*is_top))
-        .columns(["u_x", "u_y"], |(step, n, _)| step.displacement[*n])
-        .csv()
-}
+impl MapTables<'_> {
+    /// The components of a vector that the grains have.
+    fn components(&self, vector: [f64; 3]) -> impl Iterator<Item = f64> + use<> {
+        vector.into_iter().take(self.dimension.axes())
+    }
 
-/// Returns one line per contact and step; lengths in m, forces in N/m.
-fn of_contacts(steps: &[MapStep]) -> String {
-    let rows = steps.iter().flat_map(|step| {
-        let contacts = step.frame.contacts.iter().zip(&step.force_change);
-        contacts.map(move |(contact, change)| (step, contact, *change))
-    });
-    Table::of(rows)
-        .column("step", |(step, ..)| step.number)
-        .column("stage", |(step, ..)| step.stage)
-        .column("end_strain", |(step, ..)| step.strain[1])
-        .column("i", |(_, contact, _)| contact.i)
-        .column("j", |(_, contact, _)| contact.j)
-        .columns(["x_i", "y_i", "x_j", "y_j"], |(step, contact, _)| {
-            let from = step.centre(contact.i as usize);
-            let [x, y, _] = step.frame.separation(contact.i, contact.j);
-            [from[0], from[1], from[0] + x, from[1] + y]
-        })
-        .column("force", |(_, contact, _)| forces::size(contact))
-        .column("force_change", |(.., change)| *change)
-        .csv()
+    /// Returns one line per step.
+    fn of_steps(&self) -> String {
+        let places = vector_columns("", "", self.dimension);
+        let directions = vector_columns("tension_", "", self.dimension);
+        Table::of(self.steps)
+            .column("step", |step| step.number)
+            .column("stage", |step| step.stage)
+            .columns(["start_step", "end_step"], |step| step.steps)
+            .columns(["start_strain", "end_strain"], |step| step.strain)
+            .columns([places, directions].concat(), |step| {
+                let vectors = step.tension(self.grains).into_iter();
+                vectors.flat_map(|vector| self.components(vector))
+            })
+            .csv()
+    }
+
+    /// Returns one line per grain and step.
+    fn of_grains(&self) -> String {
+        let grains = self.grains;
+        let rows = self.steps.iter().flat_map(|step| {
+            let top = step.top();
+            (0..grains.count()).map(move |n| (step, n, top.contains(&n)))
+        });
+        Table::of(rows)
+            .column("step", |(step, ..)| step.number)
+            .column("stage", |(step, ..)| step.stage)
+            .columns(["start_strain", "end_strain"], |(step, ..)| step.strain)
+            .column("grain", |(_, n, _)| *n)
+            .column("body", |(_, n, _)| grains.body[*n])
+            .columns(vector_columns("", "", self.dimension), |(step, n, _)| {
+                self.components(step.centre(*n))
+            })
+            .column("radius", |(_, n, _)| grains.radius[*n])
+            .column("in_gr_region", |(step, n, _)| {
+                u8::from(step.regions.binary_search(&(*n as u32)).is_ok())
+            })
+            .column("dmin", |(step, n, _)| step.dmin[*n])
+            .column("greatest_dmin", |(.., is_top)| u8::from(*is_top))
+            .columns(vector_columns("u_", "", self.dimension), |(step, n, _)| {
+                self.components(step.displacement[*n])
+            })
+            .csv()
+    }
+
+    /// Returns one line per contact and step.
+    fn of_contacts(&self) -> String {
+        let rows = self.steps.iter().flat_map(|step| {
+            let contacts = step.frame.contacts.iter().zip(&step.force_change);
+            contacts.map(move |(contact, change)| (step, contact, *change))
+        });
+        let [of_i, of_j] = ["_i", "_j"].map(|end| vector_columns("", end, self.dimension));
+        Table::of(rows)
+            .column("step", |(step, ..)| step.number)
+            .column("stage", |(step, ..)| step.stage)
+            .column("end_strain", |(step, ..)| step.strain[1])
+            .column("i", |(_, contact, _)| contact.i)
+            .column("j", |(_, contact, _)| contact.j)
+            .columns([of_i, of_j].concat(), |(step, contact, _)| {
+                let from = step.centre(contact.i as usize);
+                let separation = step.frame.separation(contact.i, contact.j);
+                let to = std::array::from_fn(|axis| from[axis] + separation[axis]);
+                self.components(from).chain(self.components(to))
+            })
+            .column("force", |(_, contact, _)| forces::size(contact))
+            .column("force_change", |(.., change)| *change)
+            .csv()
+    }
 }
 
 #[cfg(test)]

@@ -76,22 +76,9 @@ fn least_fields(quantity: &ContactQuantity) -> FrameFields {
 }
 
 impl RunFile {
-    /// Returns whether the grains are disks between walls. Of these there are maps, GR regions and
-    /// the scalars of frames.
+    /// Returns whether the grains are disks between walls, of which there are maps.
     pub fn has_disks_between_walls(&self) -> bool {
         self.boundary.has_walls() && self.dimension == Dimensions::Two
-    }
-
-    /// Refuses spheres.
-    ///
-    /// # Errors
-    /// `Failure::Input` if the grains are spheres.
-    pub fn need_disks(&self) -> Result<()> {
-        if self.dimension == Dimensions::Three {
-            let what = "this command needs disks; for spheres use dmin, compare or export, or commands on the time series";
-            return Err(self.wrong(what));
-        }
-        Ok(())
     }
 
     /// Reads frame t < T.

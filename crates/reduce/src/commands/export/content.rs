@@ -137,15 +137,15 @@ pub(crate) struct ExportedFrame {
 
 impl<'a> ExportedRun<'a> {
     /// # Errors
-    /// A run without strains; fields that spheres or boxes do not have.
+    /// A run without strains; fields that boxes do not have.
     pub fn new(
         run: &'a RunFile,
         fields: &[GrainField],
         modes: Option<ExportedModes>,
     ) -> Result<Self> {
-        if fields.contains(&GrainField::Regions) && !run.has_disks_between_walls() {
+        if fields.contains(&GrainField::Regions) && !run.boundary().has_walls() {
             return Err(Failure::input(format!(
-                "--fields regions: {}: needs disks between walls",
+                "--fields regions: {}: needs grains between walls",
                 run.path().display()
             )));
         }
