@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
+import pandas as pd
 import powerlaw
 import pytest
 from scipy import optimize
@@ -99,3 +100,35 @@ def test_what_has_no_exponent_is_refused() -> None:
         analysis.power_law([1.0, 2.0])
     with pytest.raises(ValueError, match="row 1 is not finite"):
         analysis.power_law([1.0, np.nan])
+
+
+def test_samples_of_a_law_are_possible_and_others_are_not() -> None:
+    p = [
+        analysis.power_law_p(sample(1.9, 150, seed), repetitions=30, seed=seed)
+        for seed in range(16)
+    ]
+    # Evenly spread: the mean of 16 is 0.5 ± 0.07.
+    assert np.mean(p) == pytest.approx(0.5, abs=0.25)
+    # Between 1 and 2 all values are equally frequent.
+    assert analysis.power_law_p(np.linspace(1, 2, 400), repetitions=30) == 0
+
+
+def test_exponents_of_events_say_whether_they_are_determined() -> None:
+    count = 800
+    table = pd.DataFrame(
+        {
+            # One in ten such samples is ruled out; this one is not.
+            "strain_sum": sample(1.7, count, 6),
+            "stress_drop": np.linspace(-1, 2, count),
+            "waiting_strain": np.full(count, 1e-3),
+        }
+    )
+    laws = analysis.event_exponents(table)
+    assert list(laws.index) == ["strain_sum", "stress_drop", "waiting_strain"]
+    planted = laws.loc["strain_sum"]
+    assert planted["exponent"] == pytest.approx(1.7, abs=4 * planted["error"])
+    assert planted["determined"]
+    assert planted["decades"] > 1
+    assert not laws.loc["stress_drop", "determined"]
+    assert np.isnan(laws.loc["waiting_strain", "exponent"])
+    assert not laws.loc["waiting_strain", "determined"]

@@ -32,11 +32,7 @@ pub fn non_affine(interval: &Interval<'_>, left_out: &[bool], field: &mut Vec<[f
 }
 
 /// Subtracts the mean deformation of the sample from displacements (m).
-fn subtract_mean<D: Dimension>(
-    interval: &Interval<'_>,
-    left_out: &[bool],
-    field: &mut [[f64; 3]],
-) {
+fn subtract_mean<D: Dimension>(interval: &Interval<'_>, left_out: &[bool], field: &mut [[f64; 3]]) {
     let earlier = interval.earlier();
     let included = (0..field.len()).filter(|n| !left_out[*n] && field[*n][0].is_finite());
     let included: Vec<usize> = included.collect();
@@ -141,7 +137,9 @@ fn tension_in<D: Dimension>(
     let eigen = (0.5 * (gradient + gradient.transpose())).symmetric_eigen();
     let greatest = eigen.eigenvalues.imax();
     let others = (0..3).filter(|k| *k != greatest);
-    let next = others.map(|k| eigen.eigenvalues[k]).fold(f64::NEG_INFINITY, f64::max);
+    let next = others
+        .map(|k| eigen.eigenvalues[k])
+        .fold(f64::NEG_INFINITY, f64::max);
     let is_extended = eigen.eigenvalues[greatest] > next;
     is_extended.then(|| eigen.eigenvectors.column(greatest).into_owned().into())
 }
@@ -225,8 +223,13 @@ mod tests {
                 sheared: is_box.then(|| Sheared::upright(L)),
             }; 2];
             let periods = cells[1].shear(1.3 * L);
-            let shift = if is_box { [0.4, 0.2, -0.1] } else { [0.4, 0.2, 0.0] };
-            let sheared = |[x, y, z]: &[f64; 3]| [x + 1.3 * z + shift[0], y + shift[1], z + shift[2]];
+            let shift = if is_box {
+                [0.4, 0.2, -0.1]
+            } else {
+                [0.4, 0.2, 0.0]
+            };
+            let sheared =
+                |[x, y, z]: &[f64; 3]| [x + 1.3 * z + shift[0], y + shift[1], z + shift[2]];
             let earlier = frame_in(cells[0], &places);
             let mut later = frame_in(cells[1], &places.iter().map(sheared).collect::<Vec<_>>());
             // The mean displacement has no part of it.

@@ -68,8 +68,14 @@ pub fn sizes(events: &[EventMark]) -> String {
     starts.sort_by(f64::total_cmp);
     let waiting = starts.windows(2).map(|pair| pair[1] - pair[0]);
     let curves = [
-        ("number of grains", events.iter().map(|event| event.grains as f64).collect()),
-        ("strain", events.iter().map(|event| event.strain_sum).collect()),
+        (
+            "number of grains",
+            events.iter().map(|event| event.grains as f64).collect(),
+        ),
+        (
+            "strain",
+            events.iter().map(|event| event.strain_sum).collect(),
+        ),
         ("waiting time", waiting.collect()),
     ]
     .map(|(name, values): (&str, Vec<f64>)| (name, shares_above(&values)));
@@ -80,13 +86,21 @@ pub fn sizes(events: &[EventMark]) -> String {
         if points().next().is_none() {
             plot.empty_note("no events of different sizes");
         }
-        let (x_ticks, y_ticks) = (ticks::decades(x[0], x[1], 10), ticks::decades(y[0], y[1], 8));
+        let (x_ticks, y_ticks) = (
+            ticks::decades(x[0], x[1], 10),
+            ticks::decades(y[0], y[1], 8),
+        );
         plot.grid(&x_ticks, &y_ticks);
         for ((_, points), colour) in curves.iter().zip(CURVES) {
             plot.line(points, colour, 1.6);
         }
         plot.clip();
-        plot.axes(&x_ticks, &y_ticks, "size over its mean", "share of events of this size or more");
+        plot.axes(
+            &x_ticks,
+            &y_ticks,
+            "size over its mean",
+            "share of events of this size or more",
+        );
         plot.legend(&[0, 1, 2].map(|k| (CURVES[k], curves[k].0)));
     })
 }
@@ -94,10 +108,16 @@ pub fn sizes(events: &[EventMark]) -> String {
 /// The logarithms of positive values over their mean, and of the share of values at least as large;
 /// each value once.
 fn shares_above(values: &[f64]) -> Vec<[f64; 2]> {
-    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| *value > 0.0).collect();
+    let mut sorted: Vec<f64> = values
+        .iter()
+        .copied()
+        .filter(|value| *value > 0.0)
+        .collect();
     sorted.sort_by(f64::total_cmp);
     let (count, mean) = (sorted.len() as f64, mean(&sorted));
-    let firsts = (0..sorted.len()).filter(|k| *k == 0 || sorted[k - 1] < sorted[*k]);
+    // Differences of times that are equal differ by rounding.
+    let is_first = |k: &usize| *k == 0 || sorted[k - 1] * (1.0 + 1e-6) < sorted[*k];
+    let firsts = (0..sorted.len()).filter(is_first);
     firsts
         .map(|k| {
             let share = (sorted.len() - k) as f64 / count;
@@ -132,7 +152,12 @@ pub fn displacement(harmonics: &[Harmonic], diameter: f64) -> String {
         shown("u_{θ}, rotation", Quantity::Tangential, 0, false),
         shown("u_{r}, dilation", Quantity::Radial, 0, false),
     ];
-    amplitudes(harmonics, diameter, &curves, "amplitude of the displacement ({}m)")
+    amplitudes(
+        harmonics,
+        diameter,
+        &curves,
+        "amplitude of the displacement ({}m)",
+    )
 }
 
 /// Draws amplitudes of the mean change of stress around an event by distance, likewise.
@@ -143,7 +168,12 @@ pub fn stress(harmonics: &[Harmonic], diameter: f64) -> String {
         shown("pressure, sin 2θ", Quantity::Pressure, 2, true),
         shown("pressure, all around", Quantity::Pressure, 0, false),
     ];
-    amplitudes(harmonics, diameter, &curves, "amplitude of the change ({}Pa)")
+    amplitudes(
+        harmonics,
+        diameter,
+        &curves,
+        "amplitude of the change ({}Pa)",
+    )
 }
 
 /// An amplitude in a ring.
@@ -161,14 +191,20 @@ fn amplitudes(harmonics: &[Harmonic], diameter: f64, curves: &[Shown], label: &s
             !harmonic.is_far && (harmonic.quantity, harmonic.order) == (shown.quantity, shown.order)
         });
         let amplitudes = rings.map(|harmonic| {
-            let [value, error] = if shown.is_sine { harmonic.sin } else { harmonic.cos };
+            let [value, error] = if shown.is_sine {
+                harmonic.sin
+            } else {
+                harmonic.cos
+            };
             RingAmplitude {
                 distance: harmonic.at / diameter,
                 value,
                 error: if error.is_finite() { error } else { 0.0 },
             }
         });
-        amplitudes.filter(|amplitude| amplitude.value.is_finite()).collect()
+        amplitudes
+            .filter(|amplitude| amplitude.value.is_finite())
+            .collect()
     };
     let drawn: Vec<Vec<RingAmplitude>> = curves.iter().map(of_curve).collect();
     let all = || drawn.iter().flatten();
@@ -216,11 +252,17 @@ pub fn map(propagator: &Propagator, diameter: f64) -> String {
         sizes.retain(|size| *size > 0.0);
         sizes.sort_by(f64::total_cmp);
         let at = (LONG * sizes.len() as f64) as usize;
-        sizes.get(at.min(sizes.len().saturating_sub(1))).copied().unwrap_or(1.0)
+        sizes
+            .get(at.min(sizes.len().saturating_sub(1)))
+            .copied()
+            .unwrap_or(1.0)
     };
     let longest = greatest(cells.iter().map(|cell| length(cell.displacement)).collect());
     let strongest = greatest(cells.iter().map(|cell| cell.shear.abs()).collect());
-    let reach = cells.iter().flat_map(|cell| cell.place).fold(0.0, |most: f64, x| most.max(x.abs()));
+    let reach = cells
+        .iter()
+        .flat_map(|cell| cell.place)
+        .fold(0.0, |most: f64, x| most.max(x.abs()));
     let side = reach / diameter + 0.5;
     figure(MAP, [-side, side], [-side, side], |plot| {
         for cell in &cells {
@@ -241,8 +283,17 @@ pub fn map(propagator: &Propagator, diameter: f64) -> String {
             "longest arrows {:.2}\u{a0}{prefix}m, mean of the events",
             factor * longest
         ));
-        plot.axes(&marks, &marks, "along the flow, mean diameters", "along the gradient, mean diameters");
-        plot.colour_bar_of(&CHANGE, [-strongest, strongest], "change of the shear stress ({}Pa)");
+        plot.axes(
+            &marks,
+            &marks,
+            "along the flow, mean diameters",
+            "along the gradient, mean diameters",
+        );
+        plot.colour_bar_of(
+            &CHANGE,
+            [-strongest, strongest],
+            "change of the shear stress ({}Pa)",
+        );
     })
 }
 
@@ -257,7 +308,10 @@ fn arrow(plot: &mut Plot, middle: [f64; 2], along: [f64; 2]) {
     let (tail, tip) = ([x - 0.5 * dx, y - 0.5 * dy], [x + 0.5 * dx, y + 0.5 * dy]);
     let head = |side: f64| {
         let (back, across) = (0.3, 0.15 * side);
-        [tip[0] - back * dx - across * dy, tip[1] - back * dy + across * dx]
+        [
+            tip[0] - back * dx - across * dy,
+            tip[1] - back * dy + across * dx,
+        ]
     };
     plot.line(&[tail, tip], INK, 0.8);
     plot.line(&[head(1.0), tip, head(-1.0)], INK, 0.8);

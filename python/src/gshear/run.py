@@ -22,7 +22,7 @@ from .errors import RunError
 from .frames import Contacts, Frame
 from .means import TimeMean, durations, time_mean
 from .scene import Scene
-from .tables import complete_lines, read_csv, with_units
+from .tables import column_units, complete_lines, read_csv, with_units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -554,21 +554,54 @@ class Run:
         return drops if count is None else drops.head(count)
 
     def regions(self) -> pd.DataFrame:
-        """Returns the scalars of every frame of disks (`regions.csv`)."""
+        """Returns the scalars of every frame between walls (`regions.csv`)."""
         table = self._table("regions.csv", ["regions"], self._are_regions)
         return with_units(table, self._scalar_units())
 
     def measures(self) -> pd.DataFrame:
-        """Returns the statistics of every phase of disks (`measures.csv` of `correlate`)."""
+        """Returns the statistics of every phase between walls (`measures.csv` of `correlate`)."""
         return self._table("measures.csv", ["correlate"], self._are_measures)
 
     def correlations(self) -> pd.DataFrame:
-        """Returns Spearman's ρ in ranges of the change of τ, for disks (`correlations.csv`).
+        """Returns Spearman's ρ in ranges of the change of τ (`correlations.csv` of `correlate`).
 
         A table that `gshear-reduce correlate` made with other options, such as `--from`, is read.
         """
         self.measures()
         return self._table("correlations.csv", ["correlate"], lambda _: True)
+
+    def events(self) -> pd.DataFrame:
+        """Returns the events of the run, one line each (`events.csv` of gshear-reduce).
+
+        Events are clusters of grains with a great D²min in space and time (Falk & Langer, Phys. Rev.
+        E 57, 7192, 1998), as of elastoplastic models (Nicolas et al., Rev. Mod. Phys. 90, 045006,
+        2018): start and end, place, size, strain and stress drop. `docs/explanation/events.md` says
+        how they are found; units are in `attrs["units"]`. A table that `gshear-reduce events` made
+        with other options, such as `--threshold`, is read.
+
+            events = run.events()
+            analysis.event_exponents(events)
+        """
+        return self._described("events.csv", self._are_events)
+
+    def event_grains(self) -> pd.DataFrame:
+        """Returns the active grains of the events of `events`, interval by interval."""
+        self.events()
+        return self._described("events-grains.csv", self._are_active_grains)
+
+    def propagator(self) -> pd.DataFrame:
+        """Returns the harmonics of the mean displacement and the mean stress around an event.
+
+        Picard et al., Eur. Phys. J. E 15, 371 (2004); `docs/explanation/events.md` describes the
+        columns. Displacements are in m, changes of stress in Pa.
+        """
+        self.events()
+        return self._described("events-propagator.csv", lambda _: True)
+
+    def event_pairs(self) -> pd.DataFrame:
+        """Returns pairs of events by their distance in time and space, beside independent ones."""
+        self.events()
+        return self._described("events-pairs.csv", lambda _: True)
 
     def dmin(
         self,
@@ -767,6 +800,26 @@ class Run:
             table["delta_tau_p"], tau[at[:, 1]] - tau[at[:, 0]]
         )
 
+    def _are_events(self, table: pd.DataFrame) -> bool:
+        """Whether the events are those of the active grains beside them, of this run."""
+        path = self.results / "events-grains.csv"
+        if not self._is_newer(path):
+            return False
+        grains = read_csv(path)
+        sums = grains.groupby("event")["dmin"].sum()
+        return self._are_active_grains(grains) and np.allclose(sums, table["dmin_sum"], rtol=1e-9)
+
+    def _are_active_grains(self, table: pd.DataFrame) -> bool:
+        """Whether the first and the last active grain are where this run has them."""
+        axes = ["x", "y", "z"][: self.dimension]
+        for row in (table.iloc[0], table.iloc[-1]) if len(table) else ():
+            if row["start_frame"] >= len(self.frames):
+                return False
+            place = self.frame(int(row["start_frame"])).position[int(row["grain"]), : len(axes)]
+            if not np.array_equal(place, row[axes].to_numpy(dtype=np.float64)):
+                return False
+        return True
+
     def _stress_ratio_at_scalars(self) -> tuple[NDArray[np.uint64], NDArray[np.float64]]:
         """Returns the steps of the scalars of frames, or of the frames if there are none, and τ.
 
@@ -809,6 +862,11 @@ class Run:
                     return table
         self._reduce(command, folder or self.results)
         return read_csv(path)
+
+    def _described(self, name: str, belongs: Callable[[pd.DataFrame], bool]) -> pd.DataFrame:
+        """Returns a table of `gshear-reduce events` with the units that stand beside it."""
+        table = self._table(name, ["events"], belongs)
+        return with_units(table, column_units(self.results / name))
 
     def _is_newer(self, path: Path) -> bool:
         """Whether a result exists and was written after the run."""

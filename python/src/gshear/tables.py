@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,19 @@ def read_csv(path: Path) -> pd.DataFrame:
         # A pipe would be waited for.
         raise RunError(f"{path}: no such file")
     return _parsed(path, path.read_bytes())
+
+
+def column_units(path: Path) -> dict[str, str]:
+    """Returns the units of the columns of a table, by the file beside it; empty without that file.
+
+    Numbers without a unit have 1.
+    """
+    described = path.with_name(f"{path.name}-metadata.json")
+    try:
+        columns = json.loads(described.read_text())["tableSchema"]["columns"]
+        return {column["name"]: column.get("schema:unitText", "") for column in columns}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
 
 
 def complete_lines(path: Path) -> pd.DataFrame:

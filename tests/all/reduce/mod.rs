@@ -2,6 +2,7 @@
 
 mod compare;
 mod correlate;
+mod events;
 mod export;
 mod fixture;
 mod laboratory;

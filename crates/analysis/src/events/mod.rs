@@ -18,8 +18,8 @@ use gshear_dem::neighbour::{Bins, LocalExtent};
 use gshear_dem::state::{Cell, GrainConstants, length};
 
 use self::linked::Linked;
-pub use self::surroundings::Surroundings;
 pub use self::pairs::{PairCount, PairRange, pair_counts};
+pub use self::surroundings::Surroundings;
 use super::dmin::LocalStrain;
 use super::interval::Interval;
 

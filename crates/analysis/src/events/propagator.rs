@@ -16,14 +16,14 @@ use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::state::Cell;
 use nalgebra::{SMatrix, SVector};
 
-/// Greatest harmonic.
-pub const HARMONICS: usize = 4;
-/// Functions of the direction: 1, and cos mθ and sin mθ for m from 1 to [`HARMONICS`].
+/// Greatest order of the harmonics.
+const HARMONICS: usize = 4;
+/// Functions of the direction: 1, and cos mθ and sin mθ for m from 1 on.
 const FUNCTIONS: usize = 2 * HARMONICS + 1;
 /// Groups of events that are left out in turn for the errors.
 const GROUPS: usize = 20;
 /// Distance over the mean diameter from which on all grains count for the far field.
-pub const FAR: f64 = 3.0;
+pub(super) const FAR: f64 = 3.0;
 
 /// A quantity around an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,12 +40,7 @@ pub enum Quantity {
 
 impl Quantity {
     /// All of them.
-    pub const ALL: [Self; 4] = [
-        Self::Radial,
-        Self::Tangential,
-        Self::Shear,
-        Self::Pressure,
-    ];
+    pub const ALL: [Self; 4] = [Self::Radial, Self::Tangential, Self::Shear, Self::Pressure];
 
     /// Its name in tables.
     pub fn name(self) -> &'static str {
@@ -88,7 +83,7 @@ pub struct Change {
 pub struct Harmonic {
     /// The quantity.
     pub quantity: Quantity,
-    /// Whether the ring is that of the far field, from [`FAR`] mean diameters on.
+    /// Whether the ring is that of the far field, from three mean diameters on.
     pub is_far: bool,
     /// Inner and outer radius of the ring (m).
     pub ring: [f64; 2],
@@ -183,7 +178,7 @@ fn set_of(quantity: Quantity) -> usize {
 /// ```
 ///
 /// with r₀ the middle of the ring, and the power p of a far field: D - 1 for displacements and D for
-/// stresses in D dimensions. θ is the angle in the plane of flow and gradient from the flow, and s the
+/// stresses in D dimensions, but 0 in the innermost ring. θ is the angle in the plane of flow and gradient from the flow, and s the
 /// sine of the angle to the vorticity axis (1 in two dimensions): harmonics of the sphere about that
 /// axis. All grains of all events count alike.
 ///
@@ -263,8 +258,13 @@ impl Propagator {
             let values = [radial, tangential, change.shear[n], change.pressure[n]];
             let angular = functions([flow / distance, gradient / distance]);
             let ring = ((distance / self.width) as usize).min(self.rings - 1);
-            let at = self.middle(ring);
-            self.sums[group][ring].add(D::AXES, &angular, at / distance, values);
+            // The far field has no meaning in the innermost ring, which holds the event itself.
+            let closeness = if ring == 0 {
+                1.0
+            } else {
+                self.middle(ring) / distance
+            };
+            self.sums[group][ring].add(D::AXES, &angular, closeness, values);
             if distance >= far {
                 let at = self.middle(self.rings);
                 self.sums[group][self.rings].add(D::AXES, &angular, at / distance, values);
@@ -330,7 +330,11 @@ impl Propagator {
                         at: self.middle(ring),
                         order,
                         cos: pair((2 * order).saturating_sub(1)),
-                        sin: if order == 0 { [0.0; 2] } else { pair(2 * order) },
+                        sin: if order == 0 {
+                            [0.0; 2]
+                        } else {
+                            pair(2 * order)
+                        },
                         grains: total.grains,
                     });
                 }

@@ -48,7 +48,9 @@ impl Surroundings {
         displacement::non_affine(interval, &left_out, &mut displacement);
         let [before, after] = &stresses;
         let changes = before.iter().zip(after);
-        let shear = changes.clone().map(|(a, b)| shear_of(b, up) - shear_of(a, up));
+        let shear = changes
+            .clone()
+            .map(|(a, b)| shear_of(b, up) - shear_of(a, up));
         let pressure = changes.map(|(a, b)| pressure_of(b, axes) - pressure_of(a, axes));
         let (mut shear, mut pressure): (Vec<f64>, Vec<f64>) = (shear.collect(), pressure.collect());
         for values in [&mut shear, &mut pressure] {

@@ -65,7 +65,10 @@ fn near_grains_of_an_interval_are_one_event_also_across_the_edge() {
     );
     let active = [interval];
     let events = find(&grains, &active, links(1.5, 0), TWO);
-    assert_eq!(members(&events, &active), [vec![0, 2, 5], vec![3, 8], vec![9]]);
+    assert_eq!(
+        members(&events, &active),
+        [vec![0, 2, 5], vec![3, 8], vec![9]]
+    );
     let [row, edge, alone] = &events[..] else {
         panic!("three events")
     };
@@ -75,12 +78,18 @@ fn near_grains_of_an_interval_are_one_event_also_across_the_edge() {
     assert!((row.extent[0] - 2.8).abs() < 1e-14 && row.extent[1] == 0.0);
     // Three points 1.4 apart: 1.4 √(2/3).
     assert!((row.gyration - 1.4 * (2.0_f64 / 3.0).sqrt()).abs() < 1e-14);
-    assert_eq!((row.dmin_sum, row.dmin_greatest, row.strain_sum), (4.0, 2.0, 1.5));
+    assert_eq!(
+        (row.dmin_sum, row.dmin_greatest, row.strain_sum),
+        (4.0, 2.0, 1.5)
+    );
     assert_eq!(row.shear_strain_sum, 1.0 + 3.0 + 6.0);
     // Weights 3 at 19.5 and 1 at 20.5.
     assert!((edge.place[0] - 19.75).abs() < 1e-14, "{:?}", edge.place);
     assert_eq!((edge.extent[0], edge.gyration), (1.0, 0.5));
-    assert_eq!((alone.grains, alone.gyration, alone.place), (1, 0.0, [12.0, 9.0, 0.0]));
+    assert_eq!(
+        (alone.grains, alone.gyration, alone.place),
+        (1, 0.0, [12.0, 9.0, 0.0])
+    );
 }
 
 #[test]
@@ -224,7 +233,11 @@ fn pairs_of_events_are_counted_by_lag_and_distance() {
     let found = of([1, 2], 2.0, 3.0);
     assert_eq!(found.pairs, 1);
     assert!((found.expected - 2.0 * 2.0 / 6.0).abs() < 1e-12);
-    let expected: f64 = counts.iter().filter(|c| c.range.distance[1] < 9.0).map(|c| c.expected).sum();
+    let expected: f64 = counts
+        .iter()
+        .filter(|c| c.range.distance[1] < 9.0)
+        .map(|c| c.expected)
+        .sum();
     assert!((expected - 3.0).abs() < 1e-12, "{expected}");
 }
 
@@ -283,7 +296,9 @@ fn harmonics_of(dimension: Dimensions, planted: &Planted) -> Vec<Harmonic> {
 /// r₀^decay, over all rings of enough grains; asserts that they are the same in all of them.
 fn amplitudes(found: &[Harmonic], quantity: Quantity, decay: i32) -> Vec<(usize, usize, f64)> {
     let mut nonzero: Vec<(usize, usize, f64)> = Vec::new();
-    let of_quantity = found.iter().filter(|h| h.quantity == quantity && h.ring[0] > 0.0);
+    let of_quantity = found
+        .iter()
+        .filter(|h| h.quantity == quantity && h.ring[0] > 0.0);
     for harmonic in of_quantity {
         for (part, [amplitude, error]) in [harmonic.cos, harmonic.sin].into_iter().enumerate() {
             let scaled = amplitude * harmonic.at.powi(decay);
@@ -291,7 +306,9 @@ fn amplitudes(found: &[Harmonic], quantity: Quantity, decay: i32) -> Vec<(usize,
             if scaled.abs() < 1e-9 {
                 continue;
             }
-            let known = nonzero.iter().find(|(order, p, _)| (*order, *p) == (harmonic.order, part));
+            let known = nonzero
+                .iter()
+                .find(|(order, p, _)| (*order, *p) == (harmonic.order, part));
             match known {
                 Some((.., value)) => assert!((value - scaled).abs() < 1e-9, "{harmonic:?}"),
                 None => nonzero.push((harmonic.order, part, scaled)),
@@ -327,7 +344,10 @@ fn a_planted_quadrupole_comes_back_with_its_amplitude_and_nothing_else() {
         }
     };
     let of = |quantity, decay| amplitudes(&found, quantity, decay);
-    near(of(Quantity::Radial, 1), &[(0, 0, dilation), (2, 1, quadrupole)]);
+    near(
+        of(Quantity::Radial, 1),
+        &[(0, 0, dilation), (2, 1, quadrupole)],
+    );
     near(of(Quantity::Tangential, 1), &[(0, 0, vortex)]);
     near(of(Quantity::Shear, 2), &[(4, 0, 3.0)]);
     near(of(Quantity::Pressure, 2), &[(2, 1, -2.0)]);
@@ -366,7 +386,10 @@ fn errors_are_those_of_the_scatter() {
     });
     let mut ratios = Vec::new();
     let mut deviations = Vec::new();
-    for harmonic in found.iter().filter(|h| h.quantity == Quantity::Shear && h.order > 0) {
+    for harmonic in found
+        .iter()
+        .filter(|h| h.quantity == Quantity::Shear && h.order > 0)
+    {
         if harmonic.ring[0] < 2.0 || harmonic.is_far {
             continue;
         }

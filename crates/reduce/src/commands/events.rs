@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 use std::ops::Range;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use super::dmin::Rattlers;
 use super::figure_arguments::FigureArguments;
@@ -58,9 +59,15 @@ pub struct Arguments {
     /// Most intervals without activity within an event
     #[arg(long, value_name = "N", default_value_t = 0)]
     gap: usize,
-    /// Fewest grains of the events that count for the propagator and the pairs
-    #[arg(long, value_name = "N", default_value_t = NonZeroUsize::MIN)]
-    fewest: NonZeroUsize,
+    /// Numbers of grains of the events that count for the propagator and the pairs: from A to B, both
+    /// included, or from A on [default: 1..]
+    #[arg(
+        long,
+        value_name = "A..[B]",
+        default_value = "1..",
+        hide_default_value = true
+    )]
+    grains: GrainCounts,
     /// Take every Nth frame
     #[arg(long, value_name = "N", default_value_t = NonZeroUsize::MIN)]
     every: NonZeroUsize,
@@ -75,6 +82,32 @@ pub struct Arguments {
     rattlers: Rattlers,
     #[command(flatten)]
     figures: FigureArguments,
+}
+
+/// A range of numbers of grains, both ends included.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct GrainCounts {
+    fewest: usize,
+    most: usize,
+}
+
+impl FromStr for GrainCounts {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let counts = text.split_once("..").and_then(|(fewest, most)| {
+            let most = if most.is_empty() {
+                usize::MAX
+            } else {
+                most.parse().ok()?
+            };
+            let fewest = fewest.parse().ok()?;
+            (1..=most)
+                .contains(&fewest)
+                .then_some(Self { fewest, most })
+        });
+        counts.ok_or_else(|| "write A.. or A..B: numbers of grains, from 1 on".into())
+    }
 }
 
 /// Parses a share of the values.
@@ -120,7 +153,8 @@ impl Arguments {
             gap: self.gap,
         };
         let events = find(run.grains(), &active.intervals, links, run.dimension());
-        let counted = |event: &Event| event.grains >= self.fewest.get();
+        let GrainCounts { fewest, most } = self.grains;
+        let counted = |event: &Event| (fewest..=most).contains(&event.grains);
         let mut propagator = Propagator::new(
             run.dimension(),
             events.iter().filter(|event| counted(event)).count(),
@@ -154,7 +188,10 @@ impl Arguments {
         let axes = run.dimension().axes();
         let tables = [
             ("events.csv", taken.of_events(&events, active.threshold)),
-            ("events-grains.csv", taken.of_grains(&events, &active.intervals)),
+            (
+                "events-grains.csv",
+                taken.of_grains(&events, &active.intervals),
+            ),
             ("events-propagator.csv", of_harmonics(&harmonics)),
             ("events-map.csv", of_map(&propagator)),
             ("events-pairs.csv", of_pairs(&pairs, diameter)),
@@ -168,7 +205,10 @@ impl Arguments {
         for (name, svg) in [
             ("events.svg", figures::in_strain(&marks, axes)),
             ("events-sizes.svg", figures::sizes(&marks)),
-            ("events-displacement.svg", figures::displacement(&harmonics, diameter)),
+            (
+                "events-displacement.svg",
+                figures::displacement(&harmonics, diameter),
+            ),
             ("events-stress.svg", figures::stress(&harmonics, diameter)),
             ("events-propagator.svg", figures::map(&propagator, diameter)),
         ] {
@@ -185,12 +225,16 @@ impl Arguments {
     fn taken<'a>(&self, run: &'a RunFile) -> Result<Taken<'a>> {
         let strains = run.frame_strains()?;
         let first = match self.from {
-            Some(from) => strains.partition_point(|strain| *strain < from),
+            Some(from) => {
+                (strains.iter().position(|strain| *strain >= from)).unwrap_or(strains.len())
+            }
             None => 0,
         };
         let frames: Vec<usize> = (first..run.frames()).step_by(self.every.get()).collect();
         if frames.len() < 2 {
-            let from = self.from.map_or(String::new(), |from| format!(" from γ = {from} on"));
+            let from = self
+                .from
+                .map_or(String::new(), |from| format!(" from γ = {from} on"));
             return Err(run.wrong(format!(
                 "has {} frames{from}, of which every {} is taken: events need two or more; give a lesser --from or --every, or run it with more frames (output.frame_strain)",
                 run.frames().saturating_sub(first),
@@ -215,7 +259,9 @@ fn reach_of(run: &RunFile) -> f64 {
         None => run.height(),
     };
     let sides = cell.periods.into_iter().chain([across]);
-    0.5 * sides.filter(|side| side.is_finite()).fold(f64::INFINITY, f64::min)
+    0.5 * sides
+        .filter(|side| side.is_finite())
+        .fold(f64::INFINITY, f64::min)
 }
 
 /// D²min of a free grain in an interval.
@@ -322,7 +368,10 @@ impl Taken<'_> {
         kept.sort_unstable_by_key(|value| (value.interval, value.grain));
         let threshold = match least {
             Some(least) => least,
-            None => kept.iter().map(|value| value.dmin).fold(f64::INFINITY, f64::min),
+            None => kept
+                .iter()
+                .map(|value| value.dmin)
+                .fold(f64::INFINITY, f64::min),
         };
         writeln!(
             printer,
@@ -364,7 +413,8 @@ impl Taken<'_> {
     ) -> Result<()> {
         let mut order: Vec<usize> = (0..events.len()).collect();
         order.sort_by_key(|k| self.ends(&events[*k].event));
-        let mut pairs: Vec<[usize; 2]> = order.iter().map(|k| self.ends(&events[*k].event)).collect();
+        let mut pairs: Vec<[usize; 2]> =
+            order.iter().map(|k| self.ends(&events[*k].event)).collect();
         pairs.dedup();
         let mut order = order.into_iter().peekable();
         let (mut number, mut pair) = (0, pairs.iter());
@@ -448,9 +498,10 @@ impl Taken<'_> {
                 [*interval, interval + 1].map(|k| self.frames[k])
             })
             .column("grain", |(.., grain)| grain.grain)
-            .columns(vector_columns("", "", self.run.dimension()), |(.., grain)| {
-                grain.from.into_iter().take(axes)
-            })
+            .columns(
+                vector_columns("", "", self.run.dimension()),
+                |(.., grain)| grain.from.into_iter().take(axes),
+            )
             .column("dmin", |(.., grain)| grain.dmin)
             .column("strain", |(.., grain)| grain.strain.invariant)
             .column("shear_strain", |(.., grain)| grain.strain.along)
@@ -489,7 +540,10 @@ impl PairWork for ActiveGrains<'_> {
     fn value(&self, non_affine: &mut NonAffine, pair: FramePair<'_, Frame>) -> ActiveInterval {
         let run = self.taken.run;
         let interval = run.interval(pair.numbers, pair.frames);
-        let number = self.taken.frames.partition_point(|frame| *frame < pair.numbers[0]);
+        let number = self
+            .taken
+            .frames
+            .partition_point(|frame| *frame < pair.numbers[0]);
         let first = self.kept.partition_point(|value| value.interval < number);
         let of_interval = self.kept[first..].iter();
         let dmin: Vec<(u32, f64)> = of_interval
@@ -526,7 +580,10 @@ impl PairWork for SurroundingsOfPairs<'_> {
 fn of_harmonics(harmonics: &[Harmonic]) -> String {
     Table::of(harmonics)
         .column("quantity", |harmonic| harmonic.quantity.name())
-        .column("range", |harmonic| if harmonic.is_far { "far" } else { "ring" })
+        .column(
+            "range",
+            |harmonic| if harmonic.is_far { "far" } else { "ring" },
+        )
         .columns(["from", "to"], |harmonic| harmonic.ring)
         .column("at", |harmonic| harmonic.at)
         .column("order", |harmonic| harmonic.order)
@@ -565,7 +622,11 @@ fn summary(
     intervals: usize,
     printer: &mut Printer,
 ) -> Result<()> {
-    let most = events.iter().map(|event| event.event.grains).max().unwrap_or_default();
+    let most = events
+        .iter()
+        .map(|event| event.event.grains)
+        .max()
+        .unwrap_or_default();
     writeln!(
         printer,
         "{} events in {intervals} intervals, of up to {most} grains; {counted} count for the propagator",
@@ -585,13 +646,55 @@ fn summary(
         far.ring[0], far.ring[1], far.at
     )?;
     for (what, quantity, order, is_sine, unit) in [
-        ("radial displacement, sin 2θ", Quantity::Radial, 2, true, "m"),
-        ("radial displacement, all around", Quantity::Radial, 0, false, "m"),
-        ("tangential displacement, cos 2θ", Quantity::Tangential, 2, false, "m"),
-        ("tangential displacement, all around", Quantity::Tangential, 0, false, "m"),
-        ("change of the shear stress, cos 4θ", Quantity::Shear, 4, false, "Pa"),
-        ("change of the shear stress, all around", Quantity::Shear, 0, false, "Pa"),
-        ("change of the pressure, sin 2θ", Quantity::Pressure, 2, true, "Pa"),
+        (
+            "radial displacement, sin 2θ",
+            Quantity::Radial,
+            2,
+            true,
+            "m",
+        ),
+        (
+            "radial displacement, all around",
+            Quantity::Radial,
+            0,
+            false,
+            "m",
+        ),
+        (
+            "tangential displacement, cos 2θ",
+            Quantity::Tangential,
+            2,
+            false,
+            "m",
+        ),
+        (
+            "tangential displacement, all around",
+            Quantity::Tangential,
+            0,
+            false,
+            "m",
+        ),
+        (
+            "change of the shear stress, cos 4θ",
+            Quantity::Shear,
+            4,
+            false,
+            "Pa",
+        ),
+        (
+            "change of the shear stress, all around",
+            Quantity::Shear,
+            0,
+            false,
+            "Pa",
+        ),
+        (
+            "change of the pressure, sin 2θ",
+            Quantity::Pressure,
+            2,
+            true,
+            "Pa",
+        ),
     ] {
         let [value, error] = amplitude(quantity, order, is_sine).unwrap_or([f64::NAN; 2]);
         writeln!(printer, "  {what:<40}{value:>11.3e} ± {error:.1e} {unit}")?;

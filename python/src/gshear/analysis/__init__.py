@@ -20,7 +20,14 @@ from ..means import TimeMean, block_error, durations, time_mean
 from .cells import solid_fractions
 from .contacts import fabric, force_distributions, grain_stress, mobilisation, rattlers
 from .deformation import displacement, local_strain, non_affine_displacement
-from .events import PowerLaw, avalanches, b_value, power_law
+from .events import (
+    PowerLaw,
+    avalanches,
+    b_value,
+    event_exponents,
+    power_law,
+    power_law_p,
+)
 from .fields import Fields, coarse_grained, profiles
 from .flow import fit_mu_of_i, fit_phi_of_i
 from .fluctuations import Temperatures, temperatures
@@ -40,6 +47,7 @@ __all__ = [
     "coarse_grained",
     "displacement",
     "durations",
+    "event_exponents",
     "fabric",
     "fit_mu_of_i",
     "fit_phi_of_i",
@@ -51,6 +59,7 @@ __all__ = [
     "non_affine_displacement",
     "participation_ratio",
     "power_law",
+    "power_law_p",
     "power_spectrum",
     "profiles",
     "rattlers",

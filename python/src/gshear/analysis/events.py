@@ -85,6 +85,12 @@ class PowerLaw(NamedTuple):
 FEWEST = 10
 # Among how many of the values the least one of the law is searched.
 STARTS = 1000
+# The same for samples, of which there are many.
+STARTS_OF_SAMPLES = 50
+# Fewest values and least p of an exponent that is determined.
+MANY, POSSIBLE = 50, 0.1
+# Columns of events that may follow a power law.
+EVENT_SIZES = ("grains", "strain_sum", "stress_drop", "waiting_strain")
 
 
 def power_law(values: ArrayLike, least: float | None = None, greatest: float = np.inf) -> PowerLaw:
@@ -108,17 +114,120 @@ def power_law(values: ArrayLike, least: float | None = None, greatest: float = n
     Raises:
         ValueError: Fewer than ten values are left, or they do not differ.
     """
-    x = np.sort(numbers(values))
-    if not x[0] > 0:
-        raise ValueError(f"the least value is {x[0]:g}; give values above 0")
+    x = _positive(values)
     x = x[x <= greatest]
     if least is not None:
         return _power_law_from(x[x >= least], float(least), greatest)
+    return _best_law(x, greatest, STARTS)
+
+
+def power_law_p(
+    values: ArrayLike, greatest: float = np.inf, *, repetitions: int = 200, seed: int = 0
+) -> float:
+    """Returns how often a sample of the fitted power law is as far from its own fit as this one.
+
+    The share of samples with a greater Kolmogorov–Smirnov distance (Clauset, Shalizi & Newman,
+    section 4.1): values from `least` on are drawn from the law, those below from the given ones, and
+    `least` is found anew. The law is ruled out below 0.1, as they suggest; above it is possible,
+    beside other laws.
+
+    Args:
+        values: [n], above 0.
+        greatest: Values above it are left out.
+        repetitions: Number of samples.
+        seed: Of the samples.
+
+    Raises:
+        ValueError: As of `power_law`.
+    """
+    x = _positive(values)
+    x = x[x <= greatest]
+    found = _best_law(x, greatest, STARTS_OF_SAMPLES)
+    below = x[x < found.least]
+    random = np.random.default_rng(seed)
+    farther = 0
+    for _ in range(repetitions):
+        u = random.random(int(random.binomial(len(x), found.values / len(x))))
+        drawn = _drawn(found, u)
+        rest = random.choice(below, len(x) - len(u)) if len(below) else drawn[:0]
+        sample = np.sort(np.concatenate([rest, drawn]))
+        farther += _best_law(sample, greatest, STARTS_OF_SAMPLES).distance >= found.distance
+    return farther / repetitions
+
+
+def event_exponents(events: pd.DataFrame) -> pd.DataFrame:
+    """Returns the exponents of the sizes of events and of the times between them.
+
+    Sizes are those of `Run.events`: numbers of grains, sums of the local strain, stress drops. The
+    density is p(s) ∝ s^-τ in elastoplastic models (Nicolas et al., Rev. Mod. Phys. 90, 045006, 2018,
+    section VII); times between independent events are exponential, without an exponent.
+
+        events = run.events()
+        laws = analysis.event_exponents(events[events["grains"] > 1])
+
+    Args:
+        events: Columns of `Run.events`; those that it lacks are left out.
+
+    Returns:
+        By quantity: `exponent`, `error`, `least` and `values` of `power_law`, `decades` from `least`
+        to the greatest value, `p` of `power_law_p`, and `determined`: from 50 values on, over at
+        least one decade, with p of 0.1 or more. NaN with fewer than ten different values above 0.
+    """
+    rows = {}
+    for name in EVENT_SIZES:
+        if name not in events:
+            continue
+        x = events[name].to_numpy(dtype=np.float64)
+        x = x[np.isfinite(x) & (x > 0)]
+        if len(np.unique(x)) < FEWEST:
+            rows[name] = [np.nan, np.nan, np.nan, len(x), np.nan, np.nan, False]
+            continue
+        law = power_law(x)
+        decades, p = float(np.log10(x.max() / law.least)), power_law_p(x)
+        determined = law.values >= MANY and decades >= 1 and p >= POSSIBLE
+        rows[name] = [law.exponent, law.error, law.least, law.values, decades, p, determined]
+    columns = ["exponent", "error", "least", "values", "decades", "p", "determined"]
+    return pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+
+
+def _positive(values: ArrayLike) -> Array:
+    """Returns values in order.
+
+    Raises:
+        ValueError: Some are not above 0.
+    """
+    x: Array = np.sort(numbers(values))
+    if not x[0] > 0:
+        raise ValueError(f"the least value is {x[0]:g}; give values above 0")
+    return x
+
+
+def _drawn(law: PowerLaw, u: Array) -> Array:
+    """Returns values of a law from numbers between 0 and 1."""
+    span, power = np.log(law.greatest / law.least), law.exponent - 1
+    if not np.isfinite(span):
+        logarithm = -np.log1p(-u) / power
+    elif power == 0:
+        logarithm = u * span
+    else:
+        logarithm = -np.log1p(u * np.expm1(-power * span)) / power
+    drawn: Array = law.least * np.exp(logarithm)
+    return drawn
+
+
+def _best_law(x: Array, greatest: float, most: int) -> PowerLaw:
+    """Fits the law to sorted values from the one on that gives the least distance.
+
+    Args:
+        x: [n].
+        greatest: Where the law ends.
+        most: Number of values that are tried at most.
+    """
     if len(x) < FEWEST or x[0] == x[-1]:
         raise ValueError(f"{len(x)} values have no power law; give ten or more that differ")
     # The distances of the last ones, few as they are, say nothing.
     starts = np.unique(x[: len(x) - FEWEST + 1])
-    starts = starts[np.unique(np.linspace(0, len(starts) - 1, STARTS).astype(int))]
+    starts = starts[np.unique(np.linspace(0, len(starts) - 1, most).astype(int))]
     fits = [
         _power_law_from(x[np.searchsorted(x, start) :], float(start), greatest)
         for start in starts[starts < x[-1]]
