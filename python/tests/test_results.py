@@ -204,6 +204,7 @@ RESULTS: dict[str, Callable[[Run], object]] = {
     "regions.csv": lambda run: run.regions(),
     "correlations.csv": lambda run: run.correlations(),
     "measures.csv": lambda run: run.measures(),
+    "events.csv": lambda run: run.events(),
 }
 
 
@@ -271,9 +272,10 @@ def test_results_in_another_folder(copy: Callable[[str], Path], tmp_path: Path) 
     assert (results / "phases.csv").exists()
 
 
-def test_failures_hand_on_the_message(spheres: Run) -> None:
-    with pytest.raises(ProgramFailedError, match="this command needs disks") as caught:
-        spheres.regions()
+def test_failures_hand_on_the_message(reduced: Callable[[str], Path]) -> None:
+    run = Run(reduced("disks without walls"), quiet=True)
+    with run, pytest.raises(ProgramFailedError, match="this command needs a run betw") as caught:
+        run.regions()
     assert caught.value.exit_code == 2
     assert "regions" in caught.value.command
 

@@ -1,5 +1,5 @@
-//! The non-affine displacement field between two frames (LH figures 7 and 20) and its local direction
-//! of greatest extension.
+//! The non-affine displacement field between two frames (LH figures 7 and 20) and its local
+//! direction of greatest extension.
 
 use nalgebra::{Matrix3, Vector3};
 

@@ -34,9 +34,9 @@ use gshear_store::status::{RunState, Status};
 /// Reduces runs of gshear-mpi: D²min, stick and slip phases, rate-and-state fits, spectra, reports
 ///
 /// RUN is a run.h5 or the folder that holds one: the first stage of a run. Commands that need a
-/// shear take that, whichever it is; info, compare, dmin, events, export, movie, report, spectrum and
-/// stability also take a later stage by its path, run.h5/aqs, run.h5/newtonian or run.h5/shear. A
-/// run that is under way or was stopped early is read up to its last complete row and frame.
+/// shear take that, whichever it is; info, compare, dmin, events, export, movie, report, spectrum
+/// and stability also take a later stage by its path, run.h5/aqs, run.h5/newtonian or run.h5/shear.
+/// A run that is under way or was stopped early is read up to its last complete row and frame.
 ///
 /// Exit codes: 0 done; 1 the runs differ (compare), or any other failure; 2 bad input (file or
 /// arguments); 3 the numbers failed (no convergence, a replay that differs).

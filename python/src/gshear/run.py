@@ -573,11 +573,11 @@ class Run:
     def events(self) -> pd.DataFrame:
         """Returns the events of the run, one line each (`events.csv` of gshear-reduce).
 
-        Events are clusters of grains with a great D²min in space and time (Falk & Langer, Phys. Rev.
-        E 57, 7192, 1998), as of elastoplastic models (Nicolas et al., Rev. Mod. Phys. 90, 045006,
-        2018): start and end, place, size, strain and stress drop. `docs/explanation/events.md` says
-        how they are found; units are in `attrs["units"]`. A table that `gshear-reduce events` made
-        with other options, such as `--threshold`, is read.
+        Events are clusters of grains with a great D²min in space and time (Falk & Langer, Phys.
+        Rev. E 57, 7192, 1998), as of elastoplastic models (Nicolas et al., Rev. Mod. Phys. 90,
+        045006, 2018): start and end, place, size, strain and stress drop.
+        `docs/explanation/events.md` says how they are found; units are in `attrs["units"]`. A table
+        that `gshear-reduce events` made with other options, such as `--threshold`, is read.
 
             events = run.events()
             analysis.event_exponents(events)

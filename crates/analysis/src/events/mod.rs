@@ -1,10 +1,10 @@
 //! Events: clusters, in space and time, of grains that rearrange.
 //!
-//! A grain is active in an interval between two frames if its D²min (Falk & Langer, Phys. Rev. E 57,
-//! 7192, 1998) is above a threshold. Active grains of an interval that are near each other belong to
-//! one event, and so do those of intervals that follow each other. Elastoplastic models (Nicolas,
-//! Ferrero, Martens & Barrat, Rev. Mod. Phys. 90, 045006, 2018) are made of such events, and of their
-//! [`propagator`].
+//! A grain is active in an interval between two frames if its D²min (Falk & Langer, Phys. Rev. E
+//! 57, 7192, 1998) is above a threshold. Active grains of an interval that are near each other
+//! belong to one event, and so do those of intervals that follow each other. Elastoplastic models
+//! (Nicolas, Ferrero, Martens & Barrat, Rev. Mod. Phys. 90, 045006, 2018) are made of such events,
+//! and of their [`propagator`].
 
 mod linked;
 mod pairs;
@@ -121,11 +121,11 @@ pub struct Event {
 /// - `dimension`: of the grains.
 ///
 /// Two active grains of one interval are linked if they are near each other in its earlier frame:
-/// within the reach, or in contact. A grain that is active in one interval and one that is active in
-/// a later one are linked if they are near each other in the frame in which the first one ends and
-/// the second one begins; with a gap, that of the second one's beginning counts. An event is what is
-/// linked. Separations are followed from link to link, so an event that passes an edge of the cell
-/// is not torn.
+/// within the reach, or in contact. A grain that is active in one interval and one that is active
+/// in a later one are linked if they are near each other in the frame in which the first one ends
+/// and the second one begins; with a gap, that of the second one's beginning counts. An event is
+/// what is linked. Separations are followed from link to link, so an event that passes an edge of
+/// the cell is not torn.
 pub fn find(
     grains: &GrainConstants,
     active: &[ActiveInterval],
@@ -268,8 +268,8 @@ impl Near<'_> {
     }
 
     /// Calls `found` with the places of a grain of an interval and one of a later interval in their
-    /// lists that are near each other, and their separation (m), from the earlier frame of the first
-    /// interval to that of the second.
+    /// lists that are near each other, and their separation (m), from the earlier frame of the
+    /// first interval to that of the second.
     fn between<D: Dimension>(
         &self,
         interval: &ActiveInterval,

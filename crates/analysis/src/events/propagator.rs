@@ -1,5 +1,5 @@
-//! The propagator of events: mean displacement and change of stress around an event, in the frame of
-//! the shear, and its angular harmonics.
+//! The propagator of events: mean displacement and change of stress around an event, in the frame
+//! of the shear, and its angular harmonics.
 //!
 //! A local shear strain in an elastic medium displaces what is around it as a quadrupole (Eshelby,
 //! Proc. R. Soc. A 241, 376, 1957), in two dimensions, far away and without compression
@@ -8,9 +8,9 @@
 //! u_r = a sin 2θ / r,   Δσ = b cos 4θ / r²
 //! ```
 //!
-//! with the angle θ from the direction of flow (Picard, Ajdari, Lequeux & Bocquet, Eur. Phys. J. E 15,
-//! 371, 2004; Maloney & Lemaître, Phys. Rev. E 74, 016118, 2006). A rotation is the harmonic 0 of
-//! u_θ, a dilation that of u_r.
+//! with the angle θ from the direction of flow (Picard, Ajdari, Lequeux & Bocquet, Eur. Phys. J. E
+//! 15, 371, 2004; Maloney & Lemaître, Phys. Rev. E 74, 016118, 2006). A rotation is the harmonic 0
+//! of u_θ, a dilation that of u_r.
 
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::state::Cell;
@@ -177,10 +177,10 @@ fn set_of(quantity: Quantity) -> usize {
 /// v = Σ_m s^m (c_m cos mθ + s_m sin mθ) (r₀/r)^p
 /// ```
 ///
-/// with r₀ the middle of the ring, and the power p of a far field: D - 1 for displacements and D for
-/// stresses in D dimensions, but 0 in the innermost ring. θ is the angle in the plane of flow and gradient from the flow, and s the
-/// sine of the angle to the vorticity axis (1 in two dimensions): harmonics of the sphere about that
-/// axis. All grains of all events count alike.
+/// with r₀ the middle of the ring, and the power p of a far field: D - 1 for displacements and D
+/// for stresses in D dimensions, but 0 in the innermost ring. θ is the angle in the plane of flow
+/// and gradient from the flow, and s the sine of the angle to the vorticity axis (1 in two
+/// dimensions): harmonics of the sphere about that axis. All grains of all events count alike.
 ///
 /// Standard errors are those of the jackknife over groups of consecutive events.
 #[derive(Debug, Clone)]
@@ -303,7 +303,8 @@ impl Propagator {
     }
 
     /// Returns the harmonics of all quantities in all rings, and last of the far field, which is
-    /// missing if no ring reaches it. NaN where they are not determined; so are errors of one event.
+    /// missing if no ring reaches it. NaN where they are not determined; so are errors of one
+    /// event.
     pub fn harmonics(&self) -> Vec<Harmonic> {
         let last = if self.rings as f64 > FAR {
             self.rings
@@ -371,8 +372,8 @@ impl Sums {
     }
 }
 
-/// 1, s cos θ, s sin θ, s² cos 2θ, … of a direction: its components along the flow, s cos θ, and the
-/// gradient, s sin θ.
+/// 1, s cos θ, s sin θ, s² cos 2θ, … of a direction: its components along the flow, s cos θ, and
+/// the gradient, s sin θ.
 fn functions(direction: [f64; 2]) -> SVector<f64, FUNCTIONS> {
     let [x, y] = direction;
     let mut functions = SVector::zeros();

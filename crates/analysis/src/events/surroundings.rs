@@ -27,9 +27,10 @@ struct MeanStress {
 impl Surroundings {
     /// Compares two frames with contact forces.
     ///
-    /// The shear stress of a grain is -σ between flow and gradient of [`stress::tensors`], so that it
-    /// is positive against the imposed shear. Changes of stress are less the mean change over the
-    /// grains that count: those that are free, not removed, and no rattlers in the earlier frame.
+    /// The shear stress of a grain is -σ between flow and gradient of [`stress::tensors`], so that
+    /// it is positive against the imposed shear. Changes of stress are less the mean change over
+    /// the grains that count: those that are free, not removed, and no rattlers in the earlier
+    /// frame.
     pub fn of(grains: &GrainConstants, interval: &Interval<'_>, rattlers: RattlerRule) -> Self {
         let earlier = interval.earlier();
         let (up, axes) = (earlier.dimension.axes() - 1, earlier.dimension.axes());

@@ -241,7 +241,8 @@ fn pairs_of_events_are_counted_by_lag_and_distance() {
     assert!((expected - 3.0).abs() < 1e-12, "{expected}");
 }
 
-/// What the events of a test change, by the place from an event: u and the changes of both stresses.
+/// What the events of a test change, by the place from an event: u and the changes of both
+/// stresses.
 type Planted = dyn Fn([f64; 3]) -> ([f64; 3], f64, f64);
 
 /// The harmonics around 60 events at random places of a cell full of grains, whose changes are

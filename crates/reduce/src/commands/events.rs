@@ -29,10 +29,10 @@ const RINGS: usize = 20;
 
 /// Write the events of a run: clusters of D²min in space and time, and their propagator
 ///
-/// A free grain is active in an interval between two frames if its D²min is at least a threshold: by
-/// default that of the greatest hundredth of all D²min of the run. Active grains that touch or are
-/// within 1.5 mean diameters are one event, and so are those of intervals that follow each other.
-/// events.csv: one line per event, with its time, place, size, strain and stress drop.
+/// A free grain is active in an interval between two frames if its D²min is at least a threshold:
+/// by default that of the greatest hundredth of all D²min of the run. Active grains that touch or
+/// are within 1.5 mean diameters are one event, and so are those of intervals that follow each
+/// other. events.csv: one line per event, with its time, place, size, strain and stress drop.
 /// events-grains.csv: its active grains. events-propagator.csv: harmonics of the mean displacement
 /// and the mean change of stress around an event, events-map.csv their map; events-pairs.csv: pairs
 /// of events by their distance in space and time. Figures: events, events-sizes,
@@ -52,15 +52,15 @@ pub struct Arguments {
     /// share
     #[arg(long, value_name = "D2MIN", value_parser = super::positive, conflicts_with = "share")]
     threshold: Option<f64>,
-    /// Farthest distance of the centres of two grains that are linked, in mean diameters; those that
-    /// touch are, too
+    /// Farthest distance of the centres of two grains that are linked, in mean diameters; those
+    /// that touch are, too
     #[arg(long, value_name = "R", default_value_t = 1.5, value_parser = super::positive)]
     reach: f64,
     /// Most intervals without activity within an event
     #[arg(long, value_name = "N", default_value_t = 0)]
     gap: usize,
-    /// Numbers of grains of the events that count for the propagator and the pairs: from A to B, both
-    /// included, or from A on [default: 1..]
+    /// Numbers of grains of the events that count for the propagator and the pairs: from A to B,
+    /// both included, or from A on [default: 1..]
     #[arg(
         long,
         value_name = "A..[B]",
@@ -441,8 +441,8 @@ impl Taken<'_> {
         let names = |name: &str| vector_columns(name, "", self.run.dimension());
         let axes = self.run.dimension().axes();
         let ends = |event: &ReleasingEvent| self.ends(&event.event);
-        let waiting = |k: usize, of: &[f64]| match k.checked_sub(1) {
-            Some(before) => of[ends(&events[k])[0]] - of[ends(&events[before])[0]],
+        let since_last = |k: usize, times: &[f64]| match k.checked_sub(1) {
+            Some(before) => times[ends(&events[k])[0]] - times[ends(&events[before])[0]],
             None => f64::NAN,
         };
         Table::of(events.iter().enumerate())
@@ -476,8 +476,8 @@ impl Taken<'_> {
             })
             .column("stress_drop", |(_, event)| event.stress_drop)
             .column("stress_ratio_drop", |(_, event)| event.stress_ratio_drop)
-            .column("waiting_time", |(k, _)| waiting(*k, times))
-            .column("waiting_strain", |(k, _)| waiting(*k, &self.strains))
+            .column("waiting_time", |(k, _)| since_last(*k, times))
+            .column("waiting_strain", |(k, _)| since_last(*k, &self.strains))
             .column("threshold", |_| threshold)
             .csv()
     }

@@ -127,9 +127,9 @@ def power_law_p(
     """Returns how often a sample of the fitted power law is as far from its own fit as this one.
 
     The share of samples with a greater Kolmogorov–Smirnov distance (Clauset, Shalizi & Newman,
-    section 4.1): values from `least` on are drawn from the law, those below from the given ones, and
-    `least` is found anew. The law is ruled out below 0.1, as they suggest; above it is possible,
-    beside other laws.
+    section 4.1): values from `least` on are drawn from the law, those below from the given ones,
+    and `least` is found anew. The law is ruled out below 0.1, as they suggest; above it is
+    possible, beside other laws.
 
     Args:
         values: [n], above 0.
@@ -158,9 +158,9 @@ def power_law_p(
 def event_exponents(events: pd.DataFrame) -> pd.DataFrame:
     """Returns the exponents of the sizes of events and of the times between them.
 
-    Sizes are those of `Run.events`: numbers of grains, sums of the local strain, stress drops. The
-    density is p(s) ∝ s^-τ in elastoplastic models (Nicolas et al., Rev. Mod. Phys. 90, 045006, 2018,
-    section VII); times between independent events are exponential, without an exponent.
+    Sizes are those of `Run.events`: numbers of grains, sums of the local strain, stress drops.
+    Their density is p(s) ∝ s^-τ in elastoplastic models (Nicolas et al., Rev. Mod. Phys. 90,
+    045006, 2018). Times between independent events are exponential, without an exponent.
 
         events = run.events()
         laws = analysis.event_exponents(events[events["grains"] > 1])
@@ -169,9 +169,10 @@ def event_exponents(events: pd.DataFrame) -> pd.DataFrame:
         events: Columns of `Run.events`; those that it lacks are left out.
 
     Returns:
-        By quantity: `exponent`, `error`, `least` and `values` of `power_law`, `decades` from `least`
-        to the greatest value, `p` of `power_law_p`, and `determined`: from 50 values on, over at
-        least one decade, with p of 0.1 or more. NaN with fewer than ten different values above 0.
+        By quantity: `exponent`, `error`, `least` and `values` of `power_law`, `decades` from
+        `least` to the greatest value, `p` of `power_law_p`, and `determined`: from 50 values on,
+        over at least one decade, with p of 0.1 or more. NaN with fewer than ten different values
+        above 0.
     """
     rows = {}
     for name in EVENT_SIZES:
