@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from gshear import Run, analysis, programs
+from gshear import Frame, Run, analysis, programs
 
 # Runs, and the share of D²min that is active.
 SHARES = {
@@ -97,12 +98,12 @@ def test_events_are_clusters_of_scipy_with_the_local_strain(
             assert event["dmin_sum"] == pytest.approx(rows["dmin"].sum(), rel=1e-12)
             assert event["shear_strain_sum"] == pytest.approx(rows["shear_strain"].sum(), rel=1e-9)
         up = run.dimension - 1
-        for row in grains.iloc[:: max(1, len(grains) // 10)].itertuples():
-            pair = [run.frame(int(row.start_frame)), run.frame(int(row.end_frame))]
-            at = analysis.local_strain(pair).isel(frame=0, grain=int(row.grain))
-            assert row.strain == pytest.approx(float(at["shear"]), rel=1e-8)
+        for row in grains.iloc[:: max(1, len(grains) // 10)].to_dict("records"):
+            pair = [run.frame(row["start_frame"]), run.frame(row["end_frame"])]
+            at = analysis.local_strain(pair).isel(frame=0, grain=row["grain"])
+            assert row["strain"] == pytest.approx(float(at["shear"]), rel=1e-8)
             along = 2 * float(at["strain"][0, up])
-            assert row.shear_strain == pytest.approx(along, rel=1e-8, abs=1e-12)
+            assert row["shear_strain"] == pytest.approx(along, rel=1e-8, abs=1e-12)
         assert events.attrs["units"]["dmin_sum"] == "m2"
         assert events.attrs["units"]["stress_drop"] == "Pa"
 
@@ -116,11 +117,11 @@ def test_the_propagator_is_the_mean_over_grains_around_events(copy: Callable[[st
         inner, outer = ring["from"].unique()[2], ring["to"].unique()[2]
         at = ring["at"].unique()[2]
         functions, values = [], []
-        for event in events.itertuples():
-            earlier, later = run.frame(int(event.start_frame)), run.frame(int(event.end_frame))
+        for event in events.to_dict("records"):
+            earlier, later = run.frame(event["start_frame"]), run.frame(event["end_frame"])
             counts = (earlier.contacts.coordination() > 2) & (earlier.body == 0)
             u = analysis.non_affine_displacement([earlier, later], grains=counts)[0].to_numpy()
-            r = earlier.box.minimum_image(earlier.position - [event.x, event.y, 0])
+            r = earlier.box.minimum_image(earlier.position - [event["x"], event["y"], 0])
             distance = np.hypot(r[:, 0], r[:, 1])
             near = counts & (distance >= inner) & (distance < outer)
             r, distance, u = r[near], distance[near], u[near]
@@ -209,6 +210,7 @@ def test_scalars_phases_and_stages_of_spheres(copy: Callable[[str], Path], tmp_p
         assert {"z_i", "z_j", "force_change"} <= set(contacts)
 
 
-def sizes(frame: object) -> np.ndarray:
+def sizes(frame: Frame) -> NDArray[np.float64]:
     """Returns |f| of the contacts."""
-    return np.linalg.norm(frame.contacts.force, axis=1)  # type: ignore[attr-defined]
+    size: NDArray[np.float64] = np.linalg.norm(frame.contacts.force, axis=1)
+    return size
