@@ -39,7 +39,15 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
     speeds |= {"output.frame_strain": None, "output.series_rows": 150, "output.frame_rows": 5}
     speeds["shear.protocol"] = [{"velocity": v, "distance": "6 mm"} for v in (0.3, 0.8, 2.0, 5.0)]
     thick: dict[str, object] = {"sample.length": "5 mm", "sample.width": "5 mm"}
+    plates: dict[str, object] = {"pack.tolerance": 1e-3, "shear.strain": 0.01}
+    plates |= {"output.frame_strain": 2e-3, "output.series_strain": 1e-3}
     scenes: dict[str, tuple[str, int, dict[str, object]]] = {
+        "disks between plates": ("plates-2d.toml", 2, plates),
+        "spheres between plates": (
+            "../../configs/smooth-walls-3d.toml",
+            1,
+            plates | {"sample.grains": 120, "sample.length": "8 mm", "sample.width": "8 mm"},
+        ),
         "disks": ("crossing.toml", 2, slow),
         "other disks": ("crossing.toml", 1, slow | {"seed": 6}),
         "scalars": ("crossing.toml", 1, slow | scalars),
@@ -95,6 +103,13 @@ def reduced(
 @pytest.fixture(params=["disks", "spheres"])
 def walls(request: pytest.FixtureRequest, reduced: Callable[[str], Path]) -> Iterator[Run]:
     """A run between walls, of disks and of spheres."""
+    with Run(reduced(request.param), quiet=True) as run:
+        yield run
+
+
+@pytest.fixture(params=["disks between plates", "spheres between plates"])
+def plates(request: pytest.FixtureRequest, reduced: Callable[[str], Path]) -> Iterator[Run]:
+    """A run between flat walls, of disks and of spheres."""
     with Run(reduced(request.param), quiet=True) as run:
         yield run
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gshear import Box, Contacts, Frame
+from gshear import Box, Contacts, Frame, WallContacts
 
 
 def planted(
@@ -21,6 +21,7 @@ def planted(
     friction: float = 0.0,
     offset: float = 0.0,
     index: int = 0,
+    on_walls: dict[str, NDArray[Any]] | None = None,
     **forces: NDArray[np.float64],
 ) -> Frame:
     """A frame of planted grains, of which these touch, by default with the normal force 7.
@@ -34,6 +35,7 @@ def planted(
         friction: Between all grains.
         offset: Of the images above.
         index: Number of the frame.
+        on_walls: Columns of the contacts with flat walls.
         forces: Columns of the contacts.
     """
     box = Box(np.array(edges), (True, dimension == 3, False), dimension - 1)
@@ -44,6 +46,10 @@ def planted(
     columns["tangential_force"] = np.zeros(len(i))
     columns["sliding"] = np.zeros(len(i), dtype=np.uint8)
     columns |= forces
+    of_walls = {name: values[:0] for name, values in columns.items() if name != "j"}
+    of_walls["wall"] = np.zeros(0, dtype=np.uint8)
+    of_walls["overlap"] = np.zeros(0)
+    of_walls |= on_walls or {}
     return Frame(
         tuple(grains),
         grains.__getitem__,
@@ -56,4 +62,7 @@ def planted(
         pair_friction=np.full((1, 1), friction),
         box=box,
         contacts=lambda frame: Contacts(tuple(columns), columns.__getitem__, {}, frame, len(i)),
+        wall_contacts=lambda frame: WallContacts(
+            tuple(of_walls), of_walls.__getitem__, {}, frame, len(of_walls["i"])
+        ),
     )

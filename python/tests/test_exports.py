@@ -10,6 +10,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
@@ -169,6 +170,98 @@ def test_ovito_reads_grains_and_contacts(exported: tuple[Run, Callable[[str], Pa
         assert data.particles.bonds.count == len(contacts.pairs)
         force = np.asarray(data.particles.bonds["normal_force"][...])
         assert np.allclose(np.sort(force), np.sort(contacts.normal_force), rtol=1e-15)
+
+
+@pytest.fixture
+def exported_walls(plates: Run, tmp_path: Path) -> Callable[[str], Path]:
+    """A function that exports all frames of a run between flat walls."""
+
+    def export(form: str) -> Path:
+        path = tmp_path / f"frames.{form}"
+        command = [str(find("gshear-reduce")), "export", str(plates.folder), "--format", form]
+        subprocess.run([*command, "--out", str(path)], check=True, capture_output=True)
+        return path
+
+    return export
+
+
+def test_numpy_reads_contacts_with_walls(
+    plates: Run, exported_walls: Callable[[str], Path]
+) -> None:
+    with np.load(exported_walls("npz")) as arrays:
+        ends = arrays["wall_contact_offset"]
+        assert len(ends) == len(plates.frames) + 1
+        for t, walls in enumerate(plates.wall_contacts(slice(None))):
+            rows = slice(ends[t], ends[t + 1])
+            assert walls.count == ends[t + 1] - ends[t] > 4
+            assert np.array_equal(arrays["wall_contact_grain"][rows], walls.i)
+            for name in walls:
+                if name != "i":
+                    assert np.array_equal(arrays[f"wall_contact_{name}"][rows], walls[name])
+            height = plates.frame(t).box.edges.max()
+            np.testing.assert_allclose(
+                arrays["wall_contact_point"][rows], walls.position, atol=1e-15 * height
+            )
+            force = arrays["wall_contact_force"][rows]
+            np.testing.assert_allclose(force, walls.force, rtol=1e-15)
+
+
+def test_tables_have_contacts_with_walls(
+    plates: Run, exported_walls: Callable[[str], Path]
+) -> None:
+    path = exported_walls("csv")
+    table = pd.read_csv(path.with_name("frames-wall-contacts.csv"))
+    for t, walls in enumerate(plates.wall_contacts(slice(None))):
+        rows = table[table.frame == t]
+        assert np.array_equal(rows.i, walls.i)
+        assert np.array_equal(rows.wall, walls.wall)
+        assert np.array_equal(rows.normal_force, walls.normal_force)
+        np.testing.assert_allclose(rows[["x", "y", "z"]], walls.position, rtol=1e-14, atol=1e-18)
+
+
+def test_vtk_reads_contacts_with_walls(plates: Run, exported_walls: Callable[[str], Path]) -> None:
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    reader = vtkHDFReader()
+    reader.SetFileName(str(exported_walls("vtkhdf")))
+    reader.UpdateInformation()
+    reader.SetStep(1)
+    reader.Update()
+    data = reader.GetOutput()
+    frame = plates.frame(1)
+    walls, grains, between = frame.wall_contacts, len(frame.radius), frame.contacts.count
+    assert data.GetNumberOfLines() == between + walls.count
+    points = vtk_to_numpy(data.GetPoints().GetData())
+    ends = vtk_to_numpy(data.GetLines().GetConnectivityArray()).reshape(-1, 2)[between:]
+    assert np.array_equal(points[ends[:, 0]], frame.position[walls.i])
+    np.testing.assert_allclose(points[ends[:, 1]], walls.position, rtol=1e-14, atol=1e-18)
+    kind = vtk_to_numpy(data.GetCellData().GetArray("wall"))
+    assert np.isnan(kind[:grains]).all()
+    assert not kind[grains : grains + between].any()
+    assert np.array_equal(kind[grains + between :], walls.wall)
+    force = vtk_to_numpy(data.GetCellData().GetArray("normal_force"))
+    assert np.array_equal(force[grains + between :], walls.normal_force)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_ovito_reads_contacts_with_walls(
+    plates: Run, exported_walls: Callable[[str], Path]
+) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        from ovito.io import import_file
+    dump = exported_walls("lammps-dump")
+    pipeline = import_file(str(dump.with_name(f"frames-wall-contacts{dump.suffix}")))
+    assert pipeline.num_frames == len(plates.frames)
+    found = pipeline.compute(len(plates.frames) - 1).particles
+    walls = plates.wall_contacts(-1)
+    order = np.argsort(found["Particle Identifier"][...])
+    place = found.positions[...][order]
+    np.testing.assert_allclose(place, walls.position, rtol=1e-14, atol=1e-18)
+    assert np.array_equal(found["Particle Type"][...][order], walls.wall + 1)
+    np.testing.assert_allclose(found["Force"][...][order], walls.force, rtol=1e-14)
+    assert np.array_equal(found["grain"][...][order], walls.i + 1)
 
 
 @pytest.mark.parametrize("name", ["disks", "box"])

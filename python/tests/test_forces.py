@@ -182,7 +182,41 @@ def test_the_stress_of_a_row(dimension: int) -> None:
         analysis.grain_stress(touching().contacts, volumes=[1.0])
 
 
-@pytest.mark.parametrize("name", ["disks", "spheres"])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_grain_between_plates_has_their_pressure(dimension: int) -> None:
+    """Pressed by F between two planes: σ = 2 R F/V along their normal, and F_t shears it."""
+    up = dimension - 1
+    shear = np.array([1.0, -1.0]) if dimension == 2 else np.array([[1.0, 0, 0], [1.0, 0, 0]])
+    frame = planted(
+        dimension,
+        [9.0, 9.0, 9.0],
+        {"position": np.ones((1, 3)), "radius": np.array([2.0]), "body": np.zeros(1, dtype=int)},
+        walls=True,
+        on_walls={
+            "i": np.array([0, 0]),
+            "wall": np.array([1, 2], dtype=np.uint8),
+            "normal_force": np.array([5.0, 5.0]),
+            "tangential_force": shear,
+            "overlap": np.array([0.25, 0.5]),
+        },
+    )
+    walls = frame.wall_contacts
+    volume = 4 * np.pi if dimension == 2 else 32 / 3 * np.pi
+    found = analysis.grain_stress(frame.contacts)[0] * volume
+    assert found[up, up] == 2 * 2 * 5
+    # t̂ = ẑ × n is -x at the bottom, x at the top: both forces are along -x, and cancel in a moment.
+    expected = [-1, -1] if dimension == 2 else [1, 1]
+    np.testing.assert_array_equal(walls.force[:, 0], expected)
+    assert found[0, up] == 0
+    np.testing.assert_array_equal(walls.branch[:, up], [-1.75, 1.5])
+    np.testing.assert_array_equal(walls.position[:, up], [-0.75, 2.5])
+    np.testing.assert_array_equal(walls.force_on_wall(2)[[0, up]], [-expected[1], 5])
+    np.testing.assert_array_equal(walls.force_on_grains()[0, [0, up]], [sum(expected), 0])
+
+
+@pytest.mark.parametrize(
+    "name", ["disks", "spheres", "disks between plates", "spheres between plates"]
+)
 def test_stresses_of_grains_are_those_of_the_program(
     name: str, originals: Callable[[str], Path], tmp_path: Path
 ) -> None:
@@ -200,7 +234,8 @@ def test_stresses_of_grains_are_those_of_the_program(
             scale = abs(found).max().item()
             np.testing.assert_allclose(found[:, a, b], values, atol=1e-12 * scale)
         contacts = exported["contacts"][-1]
-        np.testing.assert_array_equal(run.contacts(-1).coordination(), contacts)
+        flat = np.bincount(run.wall_contacts(-1).i, minlength=len(contacts))
+        np.testing.assert_array_equal(run.contacts(-1).coordination() + flat, contacts)
 
 
 @pytest.mark.parametrize("name", ["box", "disks in a box"])

@@ -187,6 +187,38 @@ def test_contact_forces_on_the_wall_are_those_of_the_series(walls: Run) -> None:
     assert compared > 30
 
 
+def test_flat_walls_bear_the_forces_of_the_series(plates: Run) -> None:
+    series, up = plates.series.set_index("step"), plates.dimension - 1
+    for frame in frames_with_rows(plates):
+        row, walls = series.loc[frame.step], frame.wall_contacts
+        force = walls.force_on_wall(2)
+        assert force[up] == pytest.approx(row["normal_force"], rel=ROUNDING)
+        scale = abs(row["normal_force"]) + abs(row["shear_force"])
+        assert -force[0] == pytest.approx(row["shear_force"], abs=ROUNDING * scale)
+        # Each point of contact is on one of two planes, as far apart as the box is high.
+        places = [walls.position[walls.wall == wall] for wall in (1, 2)]
+        assert min(map(len, places)) > 2
+        low, high = (place[:, up] for place in places)
+        height = frame.box.edges[up]
+        assert np.ptp(low) < 1e-13 * height
+        assert np.ptp(high) < 1e-13 * height
+        assert high.mean() - low.mean() == pytest.approx(height, rel=1e-13)
+        assert height == row["wall_height"]
+        below = walls.position - frame.position[walls.i]
+        assert not np.delete(below, up, axis=1).any()
+        gap = frame.radius[walls.i] - np.abs(below[:, up])
+        np.testing.assert_allclose(gap, walls.overlap, atol=1e-13 * height)
+        ends = frame.contacts.coordination() + np.bincount(walls.i, minlength=len(frame.radius))
+        assert ends.mean() == pytest.approx(row["coordination"], rel=ROUNDING)
+
+
+def test_rough_walls_have_no_flat_contacts(walls: Run) -> None:
+    contacts = walls.wall_contacts(-1)
+    assert (contacts.count, len(contacts.force), len(contacts.wall)) == (0, 0, 0)
+    assert not contacts.force_on_wall(2).any()
+    assert set(contacts) == set(walls.contacts(-1)) - {"j"} | {"wall"}
+
+
 def test_unwrapped_positions_follow_the_walls(walls: Run) -> None:
     slip = walls.series.set_index("step")["slip"].astype(float).to_dict()
     first = walls.frames[0]

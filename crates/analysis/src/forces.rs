@@ -11,18 +11,20 @@ pub fn size(contact: &ContactSample) -> f64 {
 
 /// A contact in the coordinates of the cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct ContactVectors {
-    /// n, the unit vector from j to i.
+pub struct ContactVectors {
+    /// n, the unit vector from j, a grain or a flat wall, to i.
     pub normal: [f64; 3],
     /// f on i (N; N/m in 2D).
     pub force: [f64; 3],
 }
 
 /// Returns the direction of a contact and its force.
-pub(crate) fn vectors(frame: &Frame, contact: &ContactSample) -> ContactVectors {
-    let separation = frame.separation(contact.j, contact.i);
-    let distance = length(separation);
-    let n = separation.map(|x| x / distance);
+pub fn vectors(frame: &Frame, contact: &ContactSample) -> ContactVectors {
+    let n = frame.wall_normal(contact).unwrap_or_else(|| {
+        let separation = frame.separation(contact.j, contact.i);
+        let distance = length(separation);
+        separation.map(|x| x / distance)
+    });
     let tangential = match frame.dimension {
         // The component along (-n_y, n_x).
         Dimensions::Two => {

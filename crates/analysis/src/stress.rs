@@ -5,7 +5,7 @@ use nalgebra::Matrix3;
 
 use super::forces::{self, ContactVectors};
 use gshear_dem::dimension::Dimensions;
-use gshear_dem::state::{Frame, GrainConstants};
+use gshear_dem::state::{Frame, GrainConstants, body};
 
 /// The axes of the components of a stress, in their order.
 const COMPONENTS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
@@ -17,10 +17,16 @@ const COMPONENTS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1,
 /// σ = (1/V) Σ_c R n ⊗ f,  V = πR² or (4/3)πR³
 /// ```
 ///
-/// The sum is over the grain's contacts c, n points towards the grain, f is the force on it, and
-/// the tensor is made symmetric. The lever arm is the full radius R, as in the contact forces.
+/// The sum is over the grain's contacts c, those with flat walls as well, n points towards the
+/// grain, f is the force on it, and the tensor is made symmetric. The lever arm is the full radius
+/// R, as in the contact forces.
 pub fn tensors(grains: &GrainConstants, frame: &Frame) -> Vec<[f64; 6]> {
     let mut stress = force_moments(grains, frame);
+    for contact in &frame.wall_contacts {
+        let moment = forces::vectors(frame, contact).moment();
+        let of_grain = stress[contact.i as usize].iter_mut().zip(moment);
+        of_grain.for_each(|(sum, moment)| *sum += moment);
+    }
     for (stress, radius) in stress.iter_mut().zip(&grains.radius) {
         for s in stress {
             *s *= radius / frame.dimension.volume(*radius);
@@ -29,16 +35,23 @@ pub fn tensors(grains: &GrainConstants, frame: &Frame) -> Vec<[f64; 6]> {
     stress
 }
 
-/// Σ n ⊗ f over the contacts of every grain, symmetric, components as of [`tensors`].
+impl ContactVectors {
+    /// n ⊗ f, symmetric, components as of [`tensors`].
+    fn moment(&self) -> [f64; 6] {
+        let Self { normal, force } = self;
+        COMPONENTS.map(|[a, b]| 0.5 * (normal[a] * force[b] + normal[b] * force[a]))
+    }
+}
+
+/// Σ n ⊗ f over the contacts of every grain with others, symmetric, components as of [`tensors`].
 fn force_moments(grains: &GrainConstants, frame: &Frame) -> Vec<[f64; 6]> {
     let mut moments = vec![[0.0; 6]; grains.count()];
     for contact in &frame.contacts {
-        let ContactVectors { normal, force } = forces::vectors(frame, contact);
+        let moment = forces::vectors(frame, contact).moment();
         // n and f both change sign for j.
         for grain in [contact.i, contact.j] {
-            for (sum, [a, b]) in moments[grain as usize].iter_mut().zip(COMPONENTS) {
-                *sum += 0.5 * (normal[a] * force[b] + normal[b] * force[a]);
-            }
+            let of_grain = moments[grain as usize].iter_mut().zip(moment);
+            of_grain.for_each(|(sum, moment)| *sum += moment);
         }
     }
     moments
@@ -46,14 +59,14 @@ fn force_moments(grains: &GrainConstants, frame: &Frame) -> Vec<[f64; 6]> {
 
 /// Returns τ = S/N from the contacts of a frame (LH section 2).
 ///
-/// S and N are the forces of the free grains on those of the top wall: S against the wall's motion
-/// along +x, N away from the sample. NaN if no free grain touches the top wall.
+/// S and N are the forces of the free grains on those of the top wall, or on a flat one: S against
+/// the wall's motion along +x, N away from the sample. NaN if no free grain touches the top wall.
 pub fn ratio_on_top(grains: &GrainConstants, frame: &Frame) -> f64 {
-    const TOP: u8 = 2;
     let up = frame.dimension.axes() - 1;
     let mut on_wall = [0.0; 2];
     for contact in &frame.contacts {
-        let [i, j] = [contact.i, contact.j].map(|n| grains.body[n as usize] == TOP);
+        let [i, j] =
+            [contact.i, contact.j].map(|n| u32::from(grains.body[n as usize]) == body::TOP);
         let sign = match (i, j) {
             (true, false) => 1.0,
             (false, true) => -1.0,
@@ -61,6 +74,12 @@ pub fn ratio_on_top(grains: &GrainConstants, frame: &Frame) -> f64 {
         };
         let force = forces::vectors(frame, contact).force;
         on_wall = [on_wall[0] + sign * force[0], on_wall[1] + sign * force[up]];
+    }
+    for contact in &frame.wall_contacts {
+        if contact.wall(grains.count()) == Some(body::TOP) {
+            let force = forces::vectors(frame, contact).force;
+            on_wall = [on_wall[0] - force[0], on_wall[1] - force[up]];
+        }
     }
     -on_wall[0] / on_wall[1]
 }

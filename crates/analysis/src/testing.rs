@@ -49,6 +49,7 @@ pub fn touching(length: f64, places: &[[f64; 2]], contacts: Vec<ContactSample>) 
         time: 0.0,
         grains: places.iter().map(grain).collect(),
         contacts,
+        wall_contacts: Vec::new(),
     }
 }
 

@@ -514,7 +514,8 @@ pub fn stress<D: Dimension>(
     }
 }
 
-/// This rank's part of a frame: its grains, and the contacts between grains whose first it owns.
+/// This rank's part of a frame: its grains, and the contacts whose first grain it owns, with flat
+/// walls as well.
 pub fn frame<D: Dimension>(
     system: &mut System<D>,
     law: &dyn PairModel,
@@ -524,7 +525,7 @@ pub fn frame<D: Dimension>(
     let grains = (0..system.grains.owned)
         .map(|g| GrainSample::from(&system.grains.state(g)))
         .collect();
-    let between_grains = |at: &Touching| at.i < system.grains.owned && !system.grains.is_foot(at.j);
+    let is_owned = |at: &Touching| at.i < system.grains.owned;
     let sample = |at: Touching| {
         let state = system.contacts.state(law, at, &system.grains.id);
         let force = samples.tangential[at.block].map(|lanes| lanes.0[at.lane]);
@@ -547,7 +548,7 @@ pub fn frame<D: Dimension>(
             idle: at_limit(3),
         }
     };
-    let contacts = system.contacts.touching().filter(between_grains);
+    let contacts = system.contacts.touching().filter(is_owned);
     (grains, contacts.map(sample).collect())
 }
 

@@ -268,6 +268,7 @@ fn form(scene: &Scene) -> FrameFormat {
     let torques = index(scene) == 1 && scene.contact.resists_rotation();
     FrameFormat {
         removed: scene.removes(),
+        walls: scene.flat_walls().is_some(),
         ..FrameFormat::new(scene.dimension.axes(), torques)
     }
 }

@@ -448,6 +448,7 @@ fn create<D: Dimension>(
         history_unit: layout.history_unit,
         form: FrameFormat {
             removed: scene.removes(),
+            walls: scene.flat_walls().is_some(),
             ..FrameFormat::new(D::AXES, layout.has_torques)
         },
         boundary: scene.boundary(),

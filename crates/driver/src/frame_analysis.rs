@@ -61,8 +61,9 @@ impl FrameAnalysis {
         }
     }
 
-    /// Adds a frame: the grains of this rank, and the contacts whose first grain it owns. Returns
-    /// the rows that are ready, the same on every rank. Collective if a batch is full.
+    /// Adds a frame: the grains of this rank, and the contacts whose first grain it owns, but for
+    /// those with flat walls. Returns the rows that are ready, the same on every rank. Collective
+    /// if a batch is full.
     pub fn frame(
         &mut self,
         exchange: &dyn Parallel,
@@ -73,7 +74,10 @@ impl FrameAnalysis {
         let first = self.frames.is_empty();
         self.frames.push(FramePart {
             grains: grains.iter().map(GrainPosition::from).collect(),
-            contacts: contacts.iter().map(ContactForce::from).collect(),
+            contacts: (contacts.iter())
+                .filter(|contact| contact.wall(self.grains.count()).is_none())
+                .map(ContactForce::from)
+                .collect(),
         });
         if first {
             return vec![(step, FrameScalars::UNDEFINED)];
@@ -147,6 +151,7 @@ fn assemble(messages: &[Vec<u8>], cell: Cell, grains: usize) -> Vec<Frame> {
             time: 0.0,
             grains: vec![GrainSample::zeroed(); grains],
             contacts: Vec::new(),
+            wall_contacts: Vec::new(),
         };
         let mut seen = 0;
         for rest in &mut rest {

@@ -31,8 +31,8 @@ impl FrameSeries {
     /// the contacts of the frames, which agrees within rounding.
     ///
     /// # Errors
-    /// A damaged run; a stored scalar, or a frame between flat walls, without its row in the time
-    /// series.
+    /// A damaged run; a stored scalar, or a frame between flat walls of an earlier version, without
+    /// its row in the time series.
     pub fn of(run: &RunFile) -> Result<Self> {
         match run.stored_scalars() {
             Some(stored) => Self::stored(run, stored),
@@ -59,16 +59,17 @@ impl FrameSeries {
     /// Computes the scalars from the frames.
     ///
     /// # Errors
-    /// A damaged run; a frame between flat walls without its row in the time series.
+    /// A damaged run; a frame between flat walls of an earlier version without its row in the time
+    /// series.
     pub fn of_frames(run: &RunFile) -> Result<Self> {
         let strain = match column_at(run, "strain", run.frame_steps()) {
             Some(strain) => strain,
             None => run.frame_strains()?,
         };
         let recorded = column_at(run, "stress_ratio", run.frame_steps());
-        if recorded.is_none() && run.boundary().has_planes() {
+        if recorded.is_none() && run.boundary().has_planes() && !run.form().walls {
             return Err(run.wrong(
-                "a frame has no row in the time series, which τ is taken from between flat walls, whose contacts no frame holds; run it with frames at rows (output.frame_strain a whole number of output.series_strain)",
+                "a frame has no row in the time series, which τ is taken from between flat walls, whose contacts the frames of earlier versions do not hold; run it again, or with frames at rows (output.frame_strain a whole number of output.series_strain)",
             ));
         }
         let (tau, scalars) = compute(run)?.into_iter().unzip();

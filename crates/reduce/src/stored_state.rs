@@ -100,7 +100,7 @@ impl StoredState {
         }
         if scene.flat_walls().is_some() {
             return Err(Failure::input(format!(
-                "{what}: has flat walls, whose contacts no frame holds; give a checkpoint"
+                "{what}: has flat walls, whose places no frame holds; give a checkpoint"
             )));
         }
         Ok(Self {

@@ -329,6 +329,7 @@ mod tests {
             time: 0.0,
             grains: places.iter().map(grain).collect(),
             contacts,
+            wall_contacts: Vec::new(),
         }
     }
 

@@ -2,9 +2,9 @@
 
 use super::checksums::{self, ContactWeights};
 use super::collective::{IdBlocks, put_lists, take_lists};
-use super::contact_quantities::{flags, numbers};
+use super::contact_quantities::{ContactTable, flags, numbers};
 use super::layout::{FrameFormat, Quantity, elements};
-use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
+use gshear_dem::state::{BoxEdges, ContactSample, GrainSample, body};
 use std::ops::Range;
 
 /// Assigns the parts of a batch to the ranks. Each rank writes one contiguous part in the order
@@ -155,9 +155,16 @@ pub(crate) struct ShareColumns {
     pub image: Vec<i32>,
     /// `[frame][id]` over the share, if frames say which grains are removed.
     pub removed: Vec<u8>,
+    /// Of [`ContactTable::of`].
+    pub contacts: Vec<ContactColumns>,
+}
+
+/// One rank's share of a table of contacts, as columns.
+pub(crate) struct ContactColumns {
     /// Number of contacts of each frame of the share.
     pub counts: Vec<i64>,
     pub i: Vec<u32>,
+    /// A flat wall is N, or N + 1.
     pub j: Vec<u32>,
     /// One array per entry of [`numbers`].
     pub forces: Vec<Vec<f64>>,
@@ -166,24 +173,29 @@ pub(crate) struct ShareColumns {
 }
 
 impl ShareColumns {
-    /// Assembles the share from one message of each rank. Panics if a grain is missing or anything
-    /// occurs twice, which is a bug.
-    pub fn assemble(messages: &[Vec<u8>], share: &BatchShare, form: FrameFormat) -> ShareColumns {
+    /// Assembles the share of so many grains in all from one message of each rank. Panics if a
+    /// grain is missing or anything occurs twice, which is a bug.
+    pub fn assemble(
+        messages: &[Vec<u8>],
+        share: &BatchShare,
+        grains: u64,
+        form: FrameFormat,
+    ) -> ShareColumns {
         let (frames, block) = (length(&share.frames) as usize, length(&share.ids) as usize);
         let bytes: usize = messages.iter().map(Vec::len).sum();
         let of_grains = frames * (16 * messages.len() + block * size_of::<GrainSample>());
-        let contacts = bytes.saturating_sub(of_grains) / size_of::<ContactSample>();
+        let room = bytes.saturating_sub(of_grains) / size_of::<ContactSample>();
+        let room_of = |table| match table {
+            ContactTable::Grains => room,
+            ContactTable::Walls => 0,
+        };
         let mut part = ShareColumns {
             values: elements(form.axes).map(|quantity| vec![0.0; frames * block * quantity.width]),
             image: vec![0; frames * block * 3],
             removed: vec![0; if form.removed { frames * block } else { 0 }],
-            counts: Vec::with_capacity(frames),
-            i: Vec::with_capacity(contacts),
-            j: Vec::with_capacity(contacts),
-            forces: numbers(form)
-                .map(|quantity| Vec::with_capacity(contacts * quantity.width(form)))
+            contacts: ContactTable::of(form)
+                .map(|table| ContactColumns::new(form, room_of(table)))
                 .collect(),
-            flags: vec![Vec::with_capacity(contacts); flags(form).count()],
         };
         let mut rest: Vec<&[u8]> = messages.iter().map(|m| &m[..]).collect();
         let mut seen = vec![false; block];
@@ -193,8 +205,8 @@ impl ShareColumns {
             seen.fill(false);
             samples.clear();
             for rest in &mut rest {
-                let (grains, contacts) = take_lists::<GrainSample, ContactSample>(rest);
-                for grain in grains {
+                let (of_rank, contacts) = take_lists::<GrainSample, ContactSample>(rest);
+                for grain in of_rank {
                     let n = (u64::from(grain.id) - share.ids.start) as usize;
                     assert!(!seen[n], "grain {} twice in a frame", grain.id);
                     seen[n] = true;
@@ -231,7 +243,14 @@ impl ShareColumns {
                 let (i, j) = (twice[0].0 >> 32, twice[0].0 as u32);
                 panic!("contact {i} {j} twice in a frame");
             }
-            part.push(order.iter().map(|&(_, n)| &samples[n as usize]), form);
+            let ordered: Vec<&ContactSample> =
+                order.iter().map(|&(_, n)| &samples[n as usize]).collect();
+            for (table, columns) in ContactTable::of(form).zip(&mut part.contacts) {
+                let is_of_wall = table == ContactTable::Walls;
+                let of_table = ordered.iter().copied();
+                let of_table = of_table.filter(|c| c.wall(grains as usize).is_some() == is_of_wall);
+                columns.push(of_table, form);
+            }
         }
         part
     }
@@ -244,35 +263,85 @@ impl ShareColumns {
             let first = share.ids.start * width as u64;
             checksums::weights(first, block * width)
         });
-        let weights = ContactWeights::new(&self.i, &self.j, form.axes);
+        let (between_grains, with_walls) = self.contacts.split_first().expect("contacts of grains");
+        let between_grains = between_grains.checksums(form);
+        let with_walls: Vec<Vec<ContactSums>> = (with_walls.iter())
+            .map(|columns| columns.checksums(form))
+            .collect();
         let mut all = Vec::new();
-        let mut begin = 0;
-        for (f, &count) in self.counts.iter().enumerate() {
-            let contacts = begin..begin + count as usize;
-            begin = contacts.end;
+        for (f, contacts) in between_grains.iter().enumerate() {
             let mut sums = Vec::new();
             for (Quantity { width, .. }, values) in elements(form.axes).iter().zip(&self.values) {
                 let of_block = &values[f * block * width..][..block * width];
                 let weights = &of_width[usize::from(*width == 3)];
                 sums.push(checksums::of_numbers(weights, of_block));
             }
-            sums.push(weights.pairs(contacts.clone()));
-            for (quantity, values) in numbers(form).zip(&self.forces) {
-                let width = quantity.width(form);
-                let values = &values[contacts.start * width..contacts.end * width];
-                sums.push(weights.numbers(contacts.clone(), values, width));
-            }
-            let flags = self.flags.iter();
-            let flags: Vec<u64> = flags
-                .map(|flags| weights.flags(contacts.clone(), &flags[contacts.clone()]))
-                .collect();
-            sums.push(flags[0]);
+            sums.push(contacts.pairs);
+            sums.extend(&contacts.numbers);
+            sums.push(contacts.flags[0]);
             let of_block = &self.image[f * block * 3..][..block * 3];
             sums.push(checksums::of_images(&of_width[1], of_block));
-            sums.extend(&flags[1..]);
+            sums.extend(&contacts.flags[1..]);
             if form.removed {
                 let of_block = &self.removed[f * block..][..block];
                 sums.push(checksums::of_flags(&of_width[0], of_block));
+            }
+            for contacts in &with_walls {
+                sums.push(contacts[f].pairs);
+                sums.extend(contacts[f].numbers.iter().chain(&contacts[f].flags));
+            }
+            all.push(sums);
+        }
+        all
+    }
+}
+
+/// The checksums of the contacts of a frame.
+struct ContactSums {
+    pairs: u64,
+    /// Of [`numbers`].
+    numbers: Vec<u64>,
+    /// Of [`flags`].
+    flags: Vec<u64>,
+}
+
+impl ContactColumns {
+    /// With room for so many contacts.
+    fn new(form: FrameFormat, contacts: usize) -> Self {
+        let numbers = numbers(form);
+        Self {
+            counts: Vec::new(),
+            i: Vec::with_capacity(contacts),
+            j: Vec::with_capacity(contacts),
+            forces: numbers
+                .map(|quantity| Vec::with_capacity(contacts * quantity.width(form)))
+                .collect(),
+            flags: vec![Vec::with_capacity(contacts); flags(form).count()],
+        }
+    }
+
+    /// The share's part of the checksums of each of its frames.
+    fn checksums(&self, form: FrameFormat) -> Vec<ContactSums> {
+        let weights = ContactWeights::new(&self.i, &self.j, form.axes);
+        let mut begin = 0;
+        let mut all = Vec::new();
+        for &count in &self.counts {
+            let rows = begin..begin + count as usize;
+            begin = rows.end;
+            let mut sums = ContactSums {
+                pairs: weights.pairs(rows.clone()),
+                numbers: Vec::new(),
+                flags: Vec::new(),
+            };
+            for (quantity, values) in numbers(form).zip(&self.forces) {
+                let width = quantity.width(form);
+                let values = &values[rows.start * width..rows.end * width];
+                let sum = weights.numbers(rows.clone(), values, width);
+                sums.numbers.push(sum);
+            }
+            for flags in &self.flags {
+                let sum = weights.flags(rows.clone(), &flags[rows.clone()]);
+                sums.flags.push(sum);
             }
             all.push(sums);
         }
@@ -280,12 +349,8 @@ impl ShareColumns {
     }
 
     /// Appends the contacts of one frame, in order.
-    fn push<'a>(
-        &mut self,
-        contacts: impl ExactSizeIterator<Item = &'a ContactSample>,
-        form: FrameFormat,
-    ) {
-        self.counts.push(contacts.len() as i64);
+    fn push<'a>(&mut self, contacts: impl Iterator<Item = &'a ContactSample>, form: FrameFormat) {
+        let before = self.i.len();
         let numbers: Vec<_> = numbers(form).collect();
         let flags: Vec<_> = flags(form).collect();
         for c in contacts {
@@ -298,6 +363,16 @@ impl ShareColumns {
                 column.push(quantity.flag(c));
             }
         }
+        self.counts.push((self.i.len() - before) as i64);
+    }
+
+    /// The walls of a table of contacts with flat walls of so many grains.
+    pub fn walls(&self, grains: u64) -> Vec<u8> {
+        let walls = self
+            .j
+            .iter()
+            .map(|j| body::BOTTOM as u8 + (u64::from(*j) - grains) as u8);
+        walls.collect()
     }
 }
 
@@ -351,26 +426,32 @@ mod tests {
         };
         let mut frames = Frames::default();
         let grains: Vec<_> = (0..7).rev().map(grain).collect();
-        let contacts = [contact(5, 6), contact(0, 3), contact(0, 1)];
+        // The flat walls are 7 and 8.
+        let contacts = [[5, 8], [5, 6], [0, 3], [0, 7], [0, 1]].map(|[i, j]| contact(i, j));
         frames.push(0, 0.0, &[[0.0; 3]; 3], &grains, &contacts);
         frames.push(1, 1.0, &[[0.0; 3]; 3], &grains, &[]);
         for ranks in (1..=9).rev() {
             let shares = shares(2, 7, ranks);
             let (mut x, mut images) = (Vec::new(), Vec::new());
             let mut removed: Vec<u8> = Vec::new();
-            let (mut pairs, mut counts) = (Vec::new(), [0; 2]);
+            let (mut pairs, mut counts, mut of_walls) = (Vec::new(), [0; 2], Vec::new());
             for (rank, message) in frames.messages(&shares).into_iter().enumerate() {
                 let share = shares.of(rank);
                 let form = FrameFormat {
                     removed: true,
+                    walls: true,
                     ..DISKS
                 };
-                let part = ShareColumns::assemble(&[message], &share, form);
+                let part = ShareColumns::assemble(&[message], &share, 7, form);
                 removed.extend(&part.removed);
                 x.extend(part.values[0].chunks(3).map(|p| p[0]));
                 images.extend(part.image.chunks(3).map(|p| [p[0], p[1]]));
-                pairs.extend(part.i.iter().copied().zip(part.j));
-                for (f, n) in share.frames.zip(part.counts) {
+                let [contacts, walls] = &part.contacts[..] else {
+                    panic!("two tables");
+                };
+                pairs.extend(contacts.i.iter().copied().zip(contacts.j.clone()));
+                of_walls.extend(walls.i.iter().copied().zip(walls.walls(7)));
+                for (f, n) in share.frames.zip(&contacts.counts) {
                     counts[f as usize] += n;
                 }
             }
@@ -378,6 +459,7 @@ mod tests {
             assert!(images.into_iter().eq((0..14).map(|n| [n % 7, -1])));
             assert!(removed.into_iter().eq((0..14).map(|n| n % 7 % 2)));
             assert_eq!((pairs, counts), (vec![(0, 1), (0, 3), (5, 6)], [3, 0]));
+            assert_eq!(of_walls, [(0, 1), (5, 2)]);
         }
     }
 
@@ -388,6 +470,6 @@ mod tests {
         let grain: GrainSample = bytemuck::Zeroable::zeroed();
         frames.push(0, 0.0, &[[0.0; 3]; 3], &[grain], &[]);
         let shares = shares(1, 2, 1);
-        ShareColumns::assemble(&frames.messages(&shares), &shares.of(0), DISKS);
+        ShareColumns::assemble(&frames.messages(&shares), &shares.of(0), 2, DISKS);
     }
 }

@@ -11,6 +11,10 @@ use hdf5::H5Type;
 use hdf5::types::TypeDescriptor;
 use serde::{Deserialize, Serialize};
 
+const CONTACTS: &str = "connectivity/contacts";
+/// Flat walls have it.
+const WALL_CONTACTS: &str = "connectivity/wall_contacts";
+
 const NORMAL_FORCE: Column = Column::new("normal_force", "N", "F_n");
 const TANGENTIAL_FORCE: Column = Column::new("tangential_force", "N", "F_t");
 /// What the values of a dataset are.
@@ -40,6 +44,10 @@ impl Kind {
 
 /// What the frames of a file hold of grains and contacts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a column that may be missing"
+)]
 pub struct FrameFormat {
     /// Dimensions.
     pub axes: usize,
@@ -49,16 +57,20 @@ pub struct FrameFormat {
     pub idle: bool,
     /// Whether grains say which are removed: in scenes that remove grains.
     pub removed: bool,
+    /// Whether there are contacts with flat walls: files of earlier versions leave them out.
+    pub walls: bool,
 }
 
 impl FrameFormat {
-    /// That of frames in so many dimensions, as this version writes them, without removal.
+    /// That of frames in so many dimensions, as this version writes them, without removal and flat
+    /// walls.
     pub const fn new(axes: usize, torques: bool) -> Self {
         Self {
             axes,
             torques,
             idle: true,
             removed: false,
+            walls: false,
         }
     }
 }
@@ -75,6 +87,45 @@ const ROLLING: Column = Column::new("rolling", "1", "at its limit");
 const TWISTING: Column = Column::new("twisting", "1", "at its limit");
 /// Files of earlier versions do not have it.
 pub(crate) const IDLE: Column = Column::new("idle", "1", "spring and damper leave no force");
+
+/// A table of the contacts of a file, with a group of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ContactTable {
+    /// Of grains with each other.
+    Grains,
+    /// Of grains with flat walls.
+    Walls,
+}
+
+impl ContactTable {
+    /// The tables of a file.
+    pub fn of(form: FrameFormat) -> impl Iterator<Item = Self> {
+        [Self::Grains, Self::Walls]
+            .into_iter()
+            .take(1 + usize::from(form.walls))
+    }
+
+    /// Its group.
+    pub(crate) fn group(self) -> &'static str {
+        match self {
+            Self::Grains => CONTACTS,
+            Self::Walls => WALL_CONTACTS,
+        }
+    }
+
+    /// One of its datasets.
+    pub(crate) fn dataset(self, name: impl std::fmt::Display) -> String {
+        format!("{}/{name}", self.group())
+    }
+
+    /// What a contact is of besides its first grain.
+    pub(crate) fn second(self) -> Column {
+        match self {
+            Self::Grains => Column::new("j", "1", "higher id"),
+            Self::Walls => Column::new("wall", "1", "1 bottom, 2 top"),
+        }
+    }
+}
 
 /// A number, a flag, or the components of a vector, of a contact.
 pub struct ContactQuantity {

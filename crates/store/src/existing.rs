@@ -1,6 +1,6 @@
 //! A `run.h5` that a resumed run finds: what it holds, whether it can be continued, and its repair.
 
-use super::contact_quantities::{FrameFormat, IDLE, TWISTING_HISTORY};
+use super::contact_quantities::{ContactTable, FrameFormat, IDLE, TWISTING_HISTORY};
 use super::disk;
 use super::h5::{self, Attribute};
 use super::journal::{self, Journal};
@@ -154,12 +154,12 @@ const ANOTHER: &str = "another version wrote the file, its protocol imposed velo
      or output.temperatures has changed: resume with what wrote it or into another folder (--out)";
 
 /// A file that can be continued.
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Continued {
     /// N.
     pub grains: u64,
-    /// The number of contacts in the frames that are kept.
-    pub contacts: u64,
+    /// The number of contacts in the frames that are kept, in each table.
+    pub contacts: Vec<u64>,
     /// What its contacts are.
     pub form: FrameFormat,
 }
@@ -227,21 +227,33 @@ fn continued(
             has_frames.saturating_sub(1)
         )));
     }
-    let offset = file.dataset("connectivity/contacts/offset")?;
-    let contacts = offset.read_slice_1d::<u64, _>(frames as usize..=frames as usize)?[0];
-    if length(file, "connectivity/contacts/i")? < contacts {
-        return Ok(Err("contacts are missing".into()));
-    }
     let spin = file.dataset(&format!("{PARTICLES}/angular_velocity/value"))?;
-    let torques = file.link_exists(&contact_dataset(TWISTING_HISTORY));
+    let form = FrameFormat {
+        axes: spin.ndim(),
+        torques: file.link_exists(&contact_dataset(TWISTING_HISTORY)),
+        idle: file.link_exists(&contact_dataset(IDLE)),
+        removed: file.link_exists(&grain_dataset(&REMOVED.column)),
+        walls: file.link_exists(ContactTable::Walls.group()),
+    };
+    let mut contacts = Vec::new();
+    for table in ContactTable::of(form) {
+        let offset = file.dataset(&table.dataset("offset"))?;
+        if offset
+            .shape()
+            .first()
+            .is_none_or(|rows| *rows as u64 <= frames)
+        {
+            return Ok(Err(format!("{} holds too few frames", table.group())));
+        }
+        let end = offset.read_slice_1d::<u64, _>(frames as usize..=frames as usize)?[0];
+        if length(file, &table.dataset("i"))? < end {
+            return Ok(Err("contacts are missing".into()));
+        }
+        contacts.push(end);
+    }
     Ok(Ok(Continued {
         grains: grains as u64,
         contacts,
-        form: FrameFormat {
-            axes: spin.ndim(),
-            torques,
-            idle: file.link_exists(&contact_dataset(IDLE)),
-            removed: file.link_exists(&grain_dataset(&REMOVED.column)),
-        },
+        form,
     }))
 }

@@ -86,6 +86,7 @@ pub fn is_reduced(name: &str) -> bool {
     let name = name.strip_suffix("-metadata.json").unwrap_or(name);
     let (stem, ending) = name.rsplit_once('.').unwrap_or((name, ""));
     let of_frames = stem.strip_suffix("-contacts").unwrap_or(stem);
+    let of_frames = of_frames.strip_suffix("-wall").unwrap_or(of_frames);
     let is_movie = ["movie", "aqs-movie", "newtonian-movie"].contains(&stem);
     REDUCED.contains(&name)
         || match ending {
@@ -132,6 +133,7 @@ mod tests {
             "checkpoint-aqs-8.data",
             "aqs-frames.vtkhdf",
             "frames-contacts.csv-metadata.json",
+            "aqs-frames-wall-contacts.dump",
             "aqs-movie.png",
             "events-stress.pdf",
             "movie",

@@ -2,7 +2,7 @@
 
 use super::checksums::{self, FRAMES, GROUP, ROWS};
 use super::collective::CollectiveOutcome;
-pub use super::contact_quantities::{FrameFormat, Kind};
+pub use super::contact_quantities::{ContactTable, FrameFormat, Kind};
 use super::contact_quantities::{TANGENTIAL_HISTORY, flags, numbers, of_contacts};
 use super::h5::{Attribute, Dataset, H5File};
 use super::row_table::RowTable;
@@ -19,7 +19,6 @@ pub(crate) const BOX: &str = "particles/trajectory/box";
 pub(crate) const OBSERVABLES: &str = "observables";
 /// Group of the scalars of frames.
 pub(crate) const SCALARS: &str = "observables/gshear";
-pub(crate) const CONTACTS: &str = "connectivity/contacts";
 /// The edges of the box at the frames.
 pub(crate) const EDGES_VALUE: &str = "particles/trajectory/box/edges/value";
 
@@ -91,21 +90,28 @@ pub(crate) fn grain_dataset(column: &Column) -> String {
 }
 
 /// The quantities of a contact.
-pub(crate) fn of_contact(form: FrameFormat) -> Vec<Quantity> {
-    let ids = ["i", "j"].map(|name| Quantity::new(Column::new(name, "1", "id"), 1, Kind::Id));
+pub(crate) fn of_contact(table: ContactTable, form: FrameFormat) -> Vec<Quantity> {
+    let kind = match table {
+        ContactTable::Grains => Kind::Id,
+        ContactTable::Walls => Kind::Flag,
+    };
+    let ids = [
+        Quantity::new(Column::new("i", "1", "lower id"), 1, Kind::Id),
+        Quantity::new(table.second(), 1, kind),
+    ];
     let others = of_contacts(form)
         .map(|quantity| Quantity::new(quantity.column, quantity.width(form), quantity.kind));
     ids.into_iter().chain(others).collect()
 }
 
-/// The dataset of a quantity of the contacts.
+/// The dataset of a quantity of the contacts between grains.
 pub(crate) fn contact_dataset(column: impl std::fmt::Display) -> String {
-    format!("{CONTACTS}/{column}")
+    ContactTable::Grains.dataset(column)
 }
 
 /// Names of the datasets of a frame, in the order of the checksums. `clock` are its step and time,
 /// `pairs` the ids of the contacts.
-pub(crate) fn frame_columns(form: FrameFormat) -> Vec<&'static str> {
+pub(crate) fn frame_columns(form: FrameFormat) -> Vec<String> {
     let grains = elements(form.axes).map(|quantity| quantity.column.name);
     let contacts = numbers(form).map(|quantity| quantity.column.name);
     let mut flags = flags(form).map(|quantity| quantity.column.name);
@@ -119,14 +125,39 @@ pub(crate) fn frame_columns(form: FrameFormat) -> Vec<&'static str> {
         .chain(["image"])
         .chain(flags)
         .chain(form.removed.then_some(REMOVED.column.name))
+        .map(String::from)
+        .chain(wall_columns(form))
         .collect()
 }
 
+/// Those of the contacts with flat walls.
+fn wall_columns(form: FrameFormat) -> Vec<String> {
+    if !form.walls {
+        return Vec::new();
+    }
+    let quantities = numbers(form).chain(flags(form));
+    let names = quantities.map(|quantity| quantity.column.name);
+    let names = ["pairs"].into_iter().chain(names);
+    names
+        .map(|name| checksum_name(ContactTable::Walls, name))
+        .collect()
+}
+
+/// The name of the checksum of a quantity of contacts.
+pub(crate) fn checksum_name(table: ContactTable, name: &str) -> String {
+    match table {
+        ContactTable::Grains => name.into(),
+        ContactTable::Walls => format!("wall {name}"),
+    }
+}
+
 /// Entries in a chunk of a dataset of contacts.
-fn contact_chunk(grains: usize) -> usize {
-    (grains * 32)
-        .next_power_of_two()
-        .clamp(CHUNK_ROWS, CHUNK_BYTES / 8)
+fn contact_chunk(table: ContactTable, grains: usize) -> usize {
+    let entries = match table {
+        ContactTable::Grains => grains * 32,
+        ContactTable::Walls => grains,
+    };
+    (entries.next_power_of_two()).clamp(CHUNK_ROWS, CHUNK_BYTES / 8)
 }
 
 /// Frames and grains in a chunk of a dataset with `width` numbers per grain.
@@ -167,7 +198,8 @@ impl FileContent {
             let entries = whole_chunks(frames, in_chunk) * whole_chunks(self.grains as f64, block);
             numbers += entries * quantity.bytes() as f64;
         }
-        let contacts = whole_chunks(frames * self.contacts, contact_chunk(self.grains));
+        let chunk = contact_chunk(ContactTable::Grains, self.grains);
+        let contacts = whole_chunks(frames * self.contacts, chunk);
         let [_, contact] = frame_bytes(self.form);
         // Radius, mass, id, body.
         let constant = 21.0 * self.grains as f64;
@@ -184,7 +216,8 @@ fn whole_chunks(entries: f64, chunk: usize) -> f64 {
 /// Bytes of a grain and of a contact in a frame.
 pub fn frame_bytes(form: FrameFormat) -> [usize; 2] {
     let grain = of_grain(form).iter().map(Quantity::bytes).sum();
-    let contact = of_contact(form).iter().map(Quantity::bytes).sum();
+    let contact = of_contact(ContactTable::Grains, form);
+    let contact = contact.iter().map(Quantity::bytes).sum();
     [grain, contact]
 }
 
@@ -212,14 +245,20 @@ pub(crate) struct Datasets {
     pub time: Dataset,
     /// Of [`of_grain`].
     pub grains: Vec<Dataset>,
-    /// `[T+1]`.
-    pub offset: Dataset,
-    /// Of [`of_contact`].
-    pub contacts: Vec<Dataset>,
+    /// Of [`ContactTable::of`].
+    pub contacts: Vec<ContactDatasets>,
     /// The time series.
     pub rows: RowTable,
     /// Checksums of the frames.
     pub frame_sums: Dataset,
+}
+
+/// The datasets of a table of contacts.
+pub(crate) struct ContactDatasets {
+    /// `[T+1]`.
+    pub offset: Dataset,
+    /// Of [`of_contact`].
+    pub columns: Vec<Dataset>,
 }
 
 impl Datasets {
@@ -264,28 +303,10 @@ impl Datasets {
         };
         let edges = place.growing(f64::type_descriptor(), EDGES_VALUE, shape, chunk)?;
 
-        place.group(CONTACTS)?;
-        place.link_clock(&first, CONTACTS, true)?;
         let mut contacts = Vec::new();
-        for quantity in of_contact(form) {
-            let Quantity {
-                mut column,
-                width,
-                kind,
-            } = quantity;
-            let chunk = [contact_chunk(count).div_ceil(width), width];
-            let dimensions = if width == 1 { 1 } else { 2 };
-            let (name, shape) = (contact_dataset(column), [0, width]);
-            let (shape, chunk) = (&shape[..dimensions], &chunk[..dimensions]);
-            let dataset = place.growing(kind.element(), &name, shape, chunk)?;
-            if column.name == TANGENTIAL_HISTORY.name {
-                column.unit = header.history_unit;
-            }
-            contacts.push(place.in_units(dataset, &column)?);
-        }
-        if mode == OpenMode::Create {
-            let grains = Attribute::Reference(format!("/{PARTICLES}"));
-            file.attribute(CONTACTS, "particles_group", &grains)?;
+        for table in ContactTable::of(form) {
+            place.link_contacts(table, &first)?;
+            contacts.push(place.contacts(table, header, count)?);
         }
 
         place.group(GROUP)?;
@@ -297,22 +318,29 @@ impl Datasets {
             step,
             time,
             grains,
-            offset: place.list::<u64>(&contact_dataset("offset"))?,
             contacts,
             rows: place.table(OBSERVABLES, header.series, true, ROWS)?,
             frame_sums: place.growing(u64::type_descriptor(), FRAMES, &shape, &chunk)?,
         })
     }
 
-    /// Cuts the file after so many frames, contacts and rows. Collective.
-    pub fn cut(&mut self, frames: u64, contacts: u64, rows: u64, outcome: &mut CollectiveOutcome) {
-        outcome.note(self.offset.resize(frames + 1));
+    /// Cuts the file after so many frames, contacts of each table and rows. Collective.
+    pub fn cut(
+        &mut self,
+        frames: u64,
+        contacts: &[u64],
+        rows: u64,
+        outcome: &mut CollectiveOutcome,
+    ) {
         let of_frames = [&mut self.step, &mut self.time, &mut self.edges];
         for dataset in of_frames.into_iter().chain(&mut self.grains) {
             outcome.note(dataset.resize(frames));
         }
-        for dataset in &mut self.contacts {
-            outcome.note(dataset.resize(contacts));
+        for (table, contacts) in self.contacts.iter_mut().zip(contacts) {
+            outcome.note(table.offset.resize(frames + 1));
+            for dataset in &mut table.columns {
+                outcome.note(dataset.resize(*contacts));
+            }
         }
         outcome.note(self.frame_sums.resize(frames));
         self.rows.cut(rows, outcome);
@@ -347,6 +375,48 @@ impl DatasetPlace<'_> {
             OpenMode::Create => self.file.dataset(element, name, shape, Some(chunk)),
             OpenMode::Open => self.file.open_dataset(element, name),
         }
+    }
+
+    /// The group of a table of contacts of the grains.
+    fn link_contacts(&self, table: ContactTable, clock: &str) -> Result<()> {
+        let group = table.group();
+        self.group(group)?;
+        self.link_clock(clock, group, true)?;
+        if self.mode == OpenMode::Create {
+            let grains = Attribute::Reference(format!("/{PARTICLES}"));
+            self.file.attribute(group, "particles_group", &grains)?;
+        }
+        Ok(())
+    }
+
+    /// The datasets of a table of contacts of so many grains.
+    fn contacts(
+        &self,
+        table: ContactTable,
+        header: &RunHeader<'_>,
+        grains: usize,
+    ) -> Result<ContactDatasets> {
+        let mut columns = Vec::new();
+        for quantity in of_contact(table, header.form) {
+            let Quantity {
+                mut column,
+                width,
+                kind,
+            } = quantity;
+            let chunk = [contact_chunk(table, grains).div_ceil(width), width];
+            let dimensions = if width == 1 { 1 } else { 2 };
+            let (name, shape) = (table.dataset(column), [0, width]);
+            let (shape, chunk) = (&shape[..dimensions], &chunk[..dimensions]);
+            let dataset = self.growing(kind.element(), &name, shape, chunk)?;
+            if column.name == TANGENTIAL_HISTORY.name {
+                column.unit = header.history_unit;
+            }
+            columns.push(self.in_units(dataset, &column)?);
+        }
+        Ok(ContactDatasets {
+            offset: self.list::<u64>(&table.dataset("offset"))?,
+            columns,
+        })
     }
 
     /// One number a frame or row.

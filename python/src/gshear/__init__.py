@@ -15,7 +15,7 @@ from importlib.metadata import version
 
 from .box import Box
 from .errors import GshearError, NoSuchNameError, ProgramFailedError, ProgramNotFoundError, RunError
-from .frames import Contacts, Frame
+from .frames import Contacts, Frame, WallContacts
 from .movies import movie
 from .programs import simulate
 from .run import Frames, Run
@@ -36,6 +36,7 @@ __all__ = [
     "RunError",
     "Scene",
     "Sweep",
+    "WallContacts",
     "movie",
     "simulate",
 ]

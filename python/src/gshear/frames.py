@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 Reader = Callable[[str], Array]
 
+# The top wall, as `body` and `wall` have it.
+TOP = 2
+
 
 class Columns(Mapping[str, Array]):
     """Arrays by name, each read from the file when it is first used.
@@ -80,7 +83,8 @@ class Frame(Columns):
         pair_friction: [M, M], coefficients of sliding friction between the M materials.
         attracts: Whether grains of the scene attract each other.
         box: The periodic cell.
-        contacts: The contacts of this frame.
+        contacts: The contacts between grains in this frame.
+        wall_contacts: Those with flat walls; none in files of earlier versions.
     """
 
     def __init__(
@@ -96,6 +100,7 @@ class Frame(Columns):
         dimension: int,
         box: Box,
         contacts: Callable[[Frame], Contacts],
+        wall_contacts: Callable[[Frame], WallContacts],
         pair_friction: NDArray[np.float64] | None = None,
         attracts: bool = False,
     ) -> None:
@@ -109,6 +114,7 @@ class Frame(Columns):
         self.attracts = attracts
         self.box = box
         self.contacts = contacts(self)
+        self.wall_contacts = wall_contacts(self)
 
     @property
     def friction(self) -> float:
@@ -141,17 +147,8 @@ class Frame(Columns):
         )
 
 
-class Contacts(Columns):
-    """Contacts of a frame, ordered by (i, j).
-
-    Columns, for K contacts: `i`, `j` (rows of the grains, i < j), `normal_force` (F_n, on i along
-    n, negative where they attract), `overlap` (δ), `sliding` (1 at Coulomb's limit), each [K];
-    `tangential_force` (F_t on i) and `tangential_history`, [K] for disks (along t̂ = ẑ × n), [K, 3]
-    for spheres;
-    `rolling_history` and `rolling` (1 at the limit of rolling), [K] for disks; for spheres that
-    resist rolling or twisting [K, 3] and [K], with `twisting_history` and `twisting`, [K]; `idle`
-    (1 where the damper leaves the spring no force), [K], not in files of earlier versions. Forces
-    are in N, for disks in N/m. `docs/reference/glossary.md` defines the quantities.
+class ContactColumns(Columns):
+    """Contacts of one kind in a frame.
 
     Attributes:
         frame: The frame with the grains.
@@ -169,6 +166,90 @@ class Contacts(Columns):
         super().__init__(names, read, units)
         self.frame = frame
         self.count = count
+
+    @property
+    def normal(self) -> NDArray[np.float64]:
+        """[K, 3], the unit vector n towards grain i."""
+        raise NotImplementedError
+
+    def _force(self) -> NDArray[np.float64]:
+        n = self.normal
+        t = self.tangential_force
+        if t.ndim == 1:
+            t = t[:, None] * np.stack([-n[:, 1], n[:, 0], np.zeros(len(n))], axis=1)
+        total: NDArray[np.float64] = self.normal_force[:, None] * n + t
+        return total
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of frame {self.frame.index}: {self.count}>"
+
+
+class WallContacts(ContactColumns):
+    """Contacts of the grains of a frame with flat walls, ordered by (i, wall).
+
+    Columns, for K contacts: `i` (row of the grain), `wall` (1 bottom, 2 top), and the others of
+    `Contacts`, of the force on i.
+
+    Attributes:
+        frame: The frame with the grains.
+        count: K.
+    """
+
+    @property
+    def normal(self) -> NDArray[np.float64]:
+        """[K, 3], n, from the wall to the grain."""
+        n = np.zeros((self.count, 3))
+        n[:, self.frame.box.gradient] = np.where(self.wall == TOP, -1.0, 1.0)
+        return n
+
+    @property
+    def branch(self) -> NDArray[np.float64]:
+        """[K, 3], from the centre of the grain to the point of contact: -(R - δ) n (m)."""
+        distance = self.frame.radius[self.i] - self.overlap
+        return -distance[:, None] * self.normal
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """[K, 3], the points of contact, on the planes of the walls (m)."""
+        place: NDArray[np.float64] = self.frame.position[self.i] + self.branch
+        return place
+
+    @property
+    def force(self) -> NDArray[np.float64]:
+        """[K, 3], force on i: F_n n + F_t (N; N/m for disks). That on the wall is opposite."""
+        return self._force()
+
+    def force_on_wall(self, wall: int) -> NDArray[np.float64]:
+        """Returns the force of the grains on a wall, 1 bottom or 2 top, [3] (N; N/m for disks).
+
+        Of the top wall of a shear, component `box.gradient` is N, and that along x is -S.
+        """
+        total: NDArray[np.float64] = -self.force[self.wall == wall].sum(axis=0)
+        return total
+
+    def force_on_grains(self) -> NDArray[np.float64]:
+        """Returns the sum of the forces of flat walls on every grain, [N, 3] (N; N/m for disks)."""
+        total = np.zeros(self.frame.position.shape)
+        np.add.at(total, self.i, self.force)
+        return total
+
+
+class Contacts(ContactColumns):
+    """Contacts between the grains of a frame, ordered by (i, j).
+
+    Columns, for K contacts: `i`, `j` (rows of the grains, i < j), `normal_force` (F_n, on i along
+    n, negative where they attract), `overlap` (δ), `sliding` (1 at Coulomb's limit), each [K];
+    `tangential_force` (F_t on i) and `tangential_history`, [K] for disks (along t̂ = ẑ × n), [K, 3]
+    for spheres;
+    `rolling_history` and `rolling` (1 at the limit of rolling), [K] for disks; for spheres that
+    resist rolling or twisting [K, 3] and [K], with `twisting_history` and `twisting`, [K]; `idle`
+    (1 where the damper leaves the spring no force), [K], not in files of earlier versions. Forces
+    are in N, for disks in N/m. `docs/reference/glossary.md` defines the quantities.
+
+    Attributes:
+        frame: The frame with the grains.
+        count: K.
+    """
 
     @property
     def pairs(self) -> Array:
@@ -191,15 +272,10 @@ class Contacts(Columns):
     @property
     def force(self) -> NDArray[np.float64]:
         """[K, 3], force on i: F_n n + F_t (N; N/m for disks). That on j is opposite."""
-        n = self.normal
-        t = self.tangential_force
-        if t.ndim == 1:
-            t = t[:, None] * np.stack([-n[:, 1], n[:, 0], np.zeros(len(n))], axis=1)
-        total: NDArray[np.float64] = self.normal_force[:, None] * n + t
-        return total
+        return self._force()
 
     def force_on_grains(self) -> NDArray[np.float64]:
-        """Returns the sum of the contact forces on every grain, [N, 3] (N; N/m for disks)."""
+        """Returns the sum of the forces of others on every grain, [N, 3] (N; N/m for disks)."""
         total = np.zeros(self.frame.position.shape)
         force = self.force
         np.add.at(total, self.i, force)
@@ -207,7 +283,7 @@ class Contacts(Columns):
         return total
 
     def coordination(self) -> NDArray[np.int64]:
-        """Returns the number of contacts of every grain, [N]."""
+        """Returns the number of contacts of every grain with others, [N]."""
         ends = np.concatenate([self.i, self.j])
         return np.bincount(ends, minlength=len(self.frame.radius))
 
@@ -231,6 +307,3 @@ class Contacts(Columns):
             for (i, j), row in zip(self.pairs.tolist(), values, strict=True)
         )
         return graph
-
-    def __repr__(self) -> str:
-        return f"<Contacts of frame {self.frame.index}: {self.count}>"

@@ -19,7 +19,7 @@ from . import _hdf5, _status, programs
 from ._hdf5 import SharedFile
 from .box import Box
 from .errors import RunError
-from .frames import Contacts, Frame
+from .frames import Contacts, Frame, WallContacts
 from .means import TimeMean, durations, time_mean
 from .scene import Scene
 from .tables import column_units, complete_lines, read_csv, with_units
@@ -43,6 +43,7 @@ PLANES = {
 COMPONENTS = ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")
 GRAINS = "particles/trajectory"
 CONTACTS = "connectivity/contacts"
+WALL_CONTACTS = "connectivity/wall_contacts"
 
 
 class _DminReading(NamedTuple):
@@ -66,16 +67,29 @@ class _DminReading(NamedTuple):
         return f"dmin-{self.radius:g}{lag}{rattlers}"
 
 
+class _Contacts(NamedTuple):
+    """Contacts of one kind in all frames of a file."""
+
+    columns: dict[str, h5py.Dataset]  # [K, …] over all frames
+    offset: NDArray[np.int64]  # [T + 1], rows of the first contacts of the frames
+
+    @property
+    def frames(self) -> int:
+        """The number of frames whose contacts every column has."""
+        rows = min((len(column) for column in self.columns.values()), default=0)
+        return max(0, int(np.searchsorted(self.offset, rows, side="right")) - 1)
+
+
 class _Stored(NamedTuple):
     """The frames of a file: datasets, which stay open until the file changes, and small arrays."""
 
     constants: dict[str, h5py.Dataset]  # [N], the same in every frame
     grains: dict[str, h5py.Dataset]  # [T, N, …]
-    contacts: dict[str, h5py.Dataset]  # [K, …] over all frames
+    contacts: _Contacts
+    wall_contacts: _Contacts  # without columns if there are no flat walls
     units: dict[str, str]  # by column
     step: NDArray[np.uint64]  # [T]
     time: NDArray[np.float64]  # [T]
-    offset: NDArray[np.int64]  # [T + 1], of the contacts
     edges: NDArray[np.float64]  # [T, 3] or [T, 3, 3]
     periodic: tuple[bool, bool, bool]
 
@@ -338,6 +352,16 @@ class Run:
             return (frame.contacts for frame in self.frames[index])
         return self.frames[index].contacts
 
+    @overload
+    def wall_contacts(self, index: SupportsIndex) -> WallContacts: ...
+    @overload
+    def wall_contacts(self, index: slice) -> Iterator[WallContacts]: ...
+    def wall_contacts(self, index: SupportsIndex | slice) -> WallContacts | Iterator[WallContacts]:
+        """Returns the contacts with flat walls of a frame, or an iterator over those of a slice."""
+        if isinstance(index, slice):
+            return (frame.wall_contacts for frame in self.frames[index])
+        return self.frames[index].wall_contacts
+
     def array(self, name: str, frames: slice | ArrayLike = slice(None)) -> Any:  # noqa: ANN401
         """Returns a quantity of many frames at once, read in as few pieces as possible.
 
@@ -371,9 +395,10 @@ class Run:
             return self._values(lambda now: now.constants[name][:])
         if name in stored.grains:
             return self._values(lambda now: _read(now.grains[name], rows, rows + 1))
-        if name in stored.contacts:
-            first, last = stored.offset[rows], stored.offset[rows + 1]
-            values = self._values(lambda now: _read(now.contacts[name], first, last))
+        if name in stored.contacts.columns:
+            offset = stored.contacts.offset
+            first, last = offset[rows], offset[rows + 1]
+            values = self._values(lambda now: _read(now.contacts.columns[name], first, last))
             ends = np.cumsum(last - first)
             return [values[a:b] for a, b in zip(ends - (last - first), ends, strict=True)]
         if name == "edges":
@@ -382,25 +407,47 @@ class Run:
             edges = stored.edges[rows]
             vectors = edges if edges.ndim == 3 else edges[:, None, :] * np.eye(3)
             return self.array("position", rows) + self.array("image", rows) @ vectors
-        known = ", ".join([*stored.constants, *stored.grains, *stored.contacts])
+        known = ", ".join([*stored.constants, *stored.grains, *stored.contacts.columns])
         raise RunError(f"{self.path}: frames have no {name!r}: give {known}, unwrapped or edges")
 
     def _frame(self, index: int, frames: Frames) -> Frame:
         stored = self._stored
-        first, last = int(stored.offset[index]), int(stored.offset[index + 1])
 
         def read_grains(name: str) -> NDArray[Any]:
             if name in stored.constants:
                 return self._values(lambda now: now.constants[name][:])
             return self._values(lambda now: now.grains[name][index])
 
-        def read_contacts(name: str) -> NDArray[Any]:
-            values = self._values(lambda now: now.contacts[name][first:last])
+        def rows(contacts: _Contacts) -> slice:
+            return slice(*(int(row) for row in contacts.offset[index : index + 2]))
+
+        def checked(group: str, name: str, values: NDArray[Any]) -> NDArray[Any]:
             if name in ("i", "j") and values.max(initial=0) >= self._grains():
-                raise self._damaged(f"{CONTACTS}/{name} has grains that there are not")
+                raise self._damaged(f"{group}/{name} has grains that there are not")
             return values
 
-        names, units = tuple(stored.contacts), stored.units
+        def read_contacts(name: str) -> NDArray[Any]:
+            now = self._values(lambda now: now.contacts.columns[name][rows(stored.contacts)])
+            return checked(CONTACTS, name, now)
+
+        def read_wall_contacts(name: str) -> NDArray[Any]:
+            place = rows(stored.wall_contacts)
+            now = self._values(lambda now: now.wall_contacts.columns[name][place])
+            return checked(WALL_CONTACTS, name, now)
+
+        def contacts_of(frame: Frame) -> Contacts:
+            place = rows(stored.contacts)
+            names = tuple(stored.contacts.columns)
+            return Contacts(names, read_contacts, units, frame, place.stop - place.start)
+
+        def wall_contacts_of(frame: Frame) -> WallContacts:
+            names = tuple(stored.wall_contacts.columns)
+            if not names:
+                return _no_wall_contacts(stored, frame)
+            place = rows(stored.wall_contacts)
+            return WallContacts(names, read_wall_contacts, units, frame, place.stop - place.start)
+
+        units = stored.units
         return Frame(
             (*stored.constants, *stored.grains),
             read_grains,
@@ -413,7 +460,8 @@ class Run:
             pair_friction=self._once("friction", lambda _: _pair_friction(self.scene)),
             attracts=self._once("attraction", lambda _: _attracts(self.scene)),
             box=self._box(stored, index, frames),
-            contacts=lambda frame: Contacts(names, read_contacts, units, frame, last - first),
+            contacts=contacts_of,
+            wall_contacts=wall_contacts_of,
         )
 
     @property
@@ -421,7 +469,7 @@ class Run:
         """The complete frames of the present state of the file."""
 
         def read(file: h5py.Group) -> _Stored:
-            group, contacts, numbers = file[GRAINS], file[CONTACTS], _hdf5.numbers
+            group, numbers = file[GRAINS], _hdf5.numbers
             items = dict(_hdf5.members(group))
             constants = {
                 name: numbers(group, name, (1,))
@@ -433,36 +481,29 @@ class Run:
                 for name, item in items.items()
                 if name not in constants and "value" in item
             }
-            columns = {
-                name: numbers(contacts, name, (1, 2), "iu" if name in ("i", "j") else "iuf")
-                for name, _ in _hdf5.members(contacts)
-                if name not in ("step", "time", "offset")
-            }
-            _check_columns(constants, grains, columns)
+            contacts = _contacts(file, CONTACTS)
+            has_walls = WALL_CONTACTS in file
+            wall_contacts = _contacts(file, WALL_CONTACTS) if has_walls else _Contacts({}, NONE)
+            _check_columns(constants, grains, contacts.columns)
             box, clock = group["box"], group["position"]
             edges = numbers(box, "edges/value", (2, 3))
             if edges.shape[1:] not in ((3,), (3, 3)):
                 raise ValueError(f"{edges.name} has the shape {edges.shape}")
-            # Numbers that may be subtracted.
-            offset = numbers(contacts, "offset", (1,), "iu")[:].astype(np.int64)
-            if offset[:1].any() or (np.diff(offset) < 0).any():
-                raise ValueError(f"{CONTACTS}/offset falls")
             steps, times = numbers(clock, "step", (1,), "iu"), numbers(clock, "time", (1,))
             # The program may be writing a frame: all of it must be there.
             count = min(len(item) for item in (*grains.values(), steps, times, edges))
-            rows = min(len(column) for column in columns.values())
-            count = max(0, min(count, int(np.searchsorted(offset, rows, side="right")) - 1))
-            named = (constants | grains | columns).items()
+            count = min([count, contacts.frames, *([wall_contacts.frames] if has_walls else [])])
+            named = (constants | grains | contacts.columns).items()
             units = {name: unit for name, item in named if (unit := _hdf5.unit(item))}
             x, y, z = (_hdf5.text(value) == "periodic" for value in box.attrs["boundary"])
             return _Stored(
                 constants,
                 grains,
-                columns,
+                contacts,
+                wall_contacts,
                 units,
                 steps[:count],
                 times[:count],
-                offset[: count + 1],
                 edges[:count],
                 (x, y, z),
             )
@@ -989,6 +1030,44 @@ def _series_elements(file: h5py.Group) -> dict[str, h5py.Group]:
     """Returns the elements of the time series by name, each with `step`, `time` and `value`."""
     items = _hdf5.members(file["observables"])
     return {n: i for n, i in items if isinstance(i, h5py.Group) and "value" in i and "step" in i}
+
+
+# The rows of no contacts.
+NONE = np.zeros(1, dtype=np.int64)
+
+
+def _contacts(file: h5py.Group, name: str) -> _Contacts:
+    """Returns the contacts of a group.
+
+    Raises:
+        ValueError: The rows of the frames fall.
+    """
+    group = file[name]
+    columns = {
+        column: _hdf5.numbers(
+            group, column, (1, 2), "iu" if column in ("i", "j", "wall") else "iuf"
+        )
+        for column, _ in _hdf5.members(group)
+        if column not in ("step", "time", "offset")
+    }
+    # Numbers that may be subtracted.
+    offset = _hdf5.numbers(group, "offset", (1,), "iu")[:].astype(np.int64)
+    if offset[:1].any() or (np.diff(offset) < 0).any():
+        raise ValueError(f"{name}/offset falls")
+    return _Contacts(columns, offset)
+
+
+def _no_wall_contacts(stored: _Stored, frame: Frame) -> WallContacts:
+    """Returns no contacts, with the columns that they would have."""
+    columns = stored.contacts.columns
+
+    def empty(name: str) -> NDArray[Any]:
+        if name == "wall":
+            return np.zeros(0, np.uint8)
+        return np.zeros((0, *columns[name].shape[1:]), columns[name].dtype)
+
+    names = ("i", "wall", *(name for name in columns if name not in ("i", "j")))
+    return WallContacts(names, empty, stored.units, frame, 0)
 
 
 def _check_columns(

@@ -4,7 +4,8 @@ use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::common::{gshear_mpi, reducer, run_scene, succeed};
+use crate::common::{change_file, gshear_mpi, reducer, run_scene, same_run, succeed};
+use gshear_dem::state::body;
 use gshear_store::run_reader::RunFile;
 
 /// A LAMMPS data file of grains in a square of this length (m), between planes this far apart (m):
@@ -395,6 +396,157 @@ const DISKS: &str = "
     shear = { inertial_number = 0.01, strain = 0.01 }
 ";
 
+/// Spheres between planes.
+const SPHERES: &str = "
+    dimension = 3
+    material = { young_modulus = '65 MPa', poisson_ratio = 0.22, density = 2500 }
+    contact = { law = 'hertz-tsuji', friction = 0.4, restitution = 0.8 }
+    sample = { grains = 120, radius_min = 0.8e-3, radius_max = 1e-3, length = 8e-3, width = 8e-3, walls = 'flat' }
+    load.pressure = 1e3
+    pack.tolerance = 1e-3
+    shear = { inertial_number = 0.01, strain = 0.01 }
+";
+
+/// Disks below a free surface, on a plane.
+const FLOW: &str = "
+    material.density = 2500
+    contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.5, damping_ratio = 0.1 }
+    sample = { grains = 60, radius_min = 0.8e-3, radius_max = 1.2e-3, length = 10e-3, boundary = 'free', walls = 'flat' }
+    load = { gravity = 9.81, incline = 35 }
+    pack.tolerance = 1e-3
+    shear.protocol = [{ time = 0.1 }]
+    output = { series_rows = 10, frame_rows = 10 }
+";
+
+/// The forces of the contacts with planes in a frame are, summed, those of the time series, which
+/// are sums of the forces on the planes; each is `F_n` along the normal and `F_t` in the plane. The
+/// frames of a run are the same on any number of ranks, and if it was stopped in between.
+#[test]
+fn frames_hold_the_contacts_with_planes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rows = ["output.series_strain=1e-3", "output.frame_strain=1e-3"];
+    // N and S are the forces on the top, or below a free surface on the bottom.
+    for (name, scene, rows, measured) in [
+        ("disks", DISKS, &rows[..], body::TOP),
+        ("spheres", SPHERES, &rows, body::TOP),
+        (
+            "plate",
+            &DISKS.replace("'flat'", "'flat-top'"),
+            &rows,
+            body::TOP,
+        ),
+        ("flow", FLOW, &[], body::BOTTOM),
+    ] {
+        let run = run_scene(folder.path(), name, scene, rows);
+        let (grains, up) = (run.grains().count(), run.dimension().axes() - 1);
+        let series = run.series();
+        assert!(run.frames() > 9);
+        let mut seen = [0; 2];
+        for frame in run.records(0..run.frames()).expect("frames") {
+            let row = series.step.binary_search(&frame.step).expect("a row");
+            let mut force = [0.0; 3];
+            let mut walls = [0; 2];
+            for contact in &frame.wall_contacts {
+                let wall = contact.wall(grains).expect("a wall");
+                walls[wall as usize - 1] += 1;
+                if wall != measured {
+                    continue;
+                }
+                // t̂ = ẑ × n is x below the top, -x above the bottom.
+                let [x, y, z] = contact.tangential_force;
+                let tangential = match (up, wall) {
+                    (1, body::TOP) => [x, 0.0],
+                    (1, _) => [-x, 0.0],
+                    _ => [x, y],
+                };
+                assert!(
+                    up == 1 || z.abs() <= 1e-12 * contact.normal_force,
+                    "in the plane"
+                );
+                force[0] += contact.normal_force;
+                force[1] += tangential[0];
+                force[2] += tangential[1];
+            }
+            let [normal, shear] =
+                ["normal_force", "shear_force"].map(|name| series.column(name)[row]);
+            // On the bottom the flow drags against S.
+            let sign = if measured == body::TOP { 1.0 } else { -1.0 };
+            // Forces on the planes are rounded to 2^-50 of the greatest force of the law.
+            let scale = 1e-11 * normal.abs().max(shear.abs());
+            let found = [force[0], sign * force[1]];
+            let off = [found[0] - normal, found[1] - shear].map(f64::abs);
+            assert!(
+                off.iter().all(|off| *off <= scale),
+                "{name}: {found:?} {normal} {shear}"
+            );
+            seen = [seen[0] + walls[0], seen[1] + walls[1]];
+        }
+        let all = match name {
+            "disks" | "spheres" => [true, true],
+            "plate" => [false, true],
+            _ => [true, false],
+        };
+        assert_eq!(seen.map(|count| count > 2), all, "{name}: {seen:?}");
+        assert!(seen.iter().all(|count| *count > 2 || *count == 0));
+        let scene = folder.path().join(format!("{name}.toml"));
+        let begun = |ranks: usize, more: &[&str]| {
+            let out = folder.path().join(format!("{name}-{ranks}"));
+            let sets = rows.iter().map(|set| format!("--set={set}"));
+            let more = more.iter().map(ToString::to_string);
+            let scene = scene.display().to_string();
+            let arguments: Vec<String> = [scene].into_iter().chain(sets).chain(more).collect();
+            (gshear_mpi(ranks, &out, &arguments).code, out)
+        };
+        let steps = run.frame_steps();
+        let stop = format!("--stop-at={}", u64::midpoint(steps[4], steps[5]));
+        assert_eq!(begun(2, &[]).0, 0);
+        assert_eq!(begun(3, &[&stop]).0, 75);
+        let (code, resumed) = begun(3, &["--resume=auto"]);
+        assert_eq!(code, 0);
+        let whole = folder.path().join(name);
+        for other in [folder.path().join(format!("{name}-2")), resumed] {
+            same_run(&whole, &other);
+        }
+    }
+}
+
+/// Damage of a contact with a plane is noticed.
+#[test]
+fn damaged_contacts_with_planes_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rows = ["output.series_strain=5e-3", "output.frame_strain=5e-3"];
+    run_scene(folder.path(), "disks", DISKS, &rows);
+    let whole = folder.path().join("disks/run.h5");
+    let path = folder.path().join("run.h5");
+    let names = ["i", "wall", "normal_force", "tangential_history", "sliding"];
+    for name in names.map(|name| format!("connectivity/wall_contacts/{name}")) {
+        std::fs::copy(&whole, &path).expect("a copy");
+        change_file(&path, |file| {
+            let dataset = file.dataset(&name).expect("a dataset");
+            if name.ends_with("force") || name.ends_with("history") {
+                let mut values: Vec<f64> = dataset.read_raw().expect("numbers");
+                values[3] = f64::from_bits(values[3].to_bits() ^ 1);
+                dataset.write_raw(&values).expect("written");
+            } else if name.ends_with("/i") {
+                let mut values: Vec<u32> = dataset.read_raw().expect("numbers");
+                values[3] ^= 1;
+                dataset.write_raw(&values).expect("written");
+            } else {
+                let mut values: Vec<u8> = dataset.read_raw().expect("numbers");
+                values[3] ^= 1;
+                dataset.write_raw(&values).expect("written");
+            }
+        });
+        let run = RunFile::open_any(&path).expect("a run");
+        let refused = run.records(0..run.frames()).expect_err("damage");
+        let said = refused.to_string();
+        assert!(
+            said.contains("damaged") || said.contains("wall 1 or 2"),
+            "{said}"
+        );
+    }
+}
+
 /// A checkpoint is the packing of another run, whose planes are where they were: the same forces.
 #[test]
 fn a_checkpoint_brings_its_planes() {
@@ -436,7 +588,7 @@ fn a_checkpoint_brings_its_planes() {
     let text = String::from_utf8_lossy(&said.stderr);
     assert_eq!(said.status.code(), Some(2), "{text}");
     assert!(
-        text.contains("whose contacts no frame holds; give a checkpoint"),
+        text.contains("whose places no frame holds; give a checkpoint"),
         "{text}"
     );
 }
@@ -629,9 +781,10 @@ fn a_plate_slides_on_grains_at_its_friction() {
     assert_eq!(portable.digest(), again.digest());
 }
 
-/// τ of frames between rows is not known: no frame holds the contacts with planes.
+/// τ of frames between rows follows from their contacts with the planes, and is the one that a row
+/// would have.
 #[test]
-fn frames_between_rows_have_no_stress_ratio() {
+fn frames_between_rows_have_their_stress_ratio() {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, rows) in [("beside", "0.002"), ("at", "0.005")] {
         let rows = format!("output.series_strain={rows}");
@@ -643,18 +796,19 @@ fn frames_between_rows_have_no_stress_ratio() {
         regions.arg("regions").arg(folder.path().join(name));
         regions.output().expect("the program starts")
     };
-    let refused = regions("beside");
-    assert_eq!(refused.status.code(), Some(2));
-    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
-    assert!(
-        said.contains("a frame has no row in the time series"),
-        "{said}"
-    );
-    assert!(!folder.path().join("beside/regions.csv").exists());
-    assert_eq!(regions("at").status.code(), Some(0));
-    let table = std::fs::read_to_string(folder.path().join("at/regions.csv")).expect("a table");
-    let ratios: Vec<&str> = (table.lines().skip(1))
-        .filter_map(|line| line.split(',').nth(3))
-        .collect();
-    assert!(ratios.len() > 4 && !ratios.contains(&"NaN"), "{table}");
+    let ratios = |name: &str| -> Vec<f64> {
+        assert_eq!(regions(name).status.code(), Some(0));
+        let table = folder.path().join(name).join("regions.csv");
+        let table = std::fs::read_to_string(table).expect("a table");
+        let column = table
+            .lines()
+            .skip(1)
+            .filter_map(|line| line.split(',').nth(3));
+        column.map(|tau| tau.parse().expect("a number")).collect()
+    };
+    let [beside, at] = ["beside", "at"].map(ratios);
+    assert!(at.len() > 4 && at.len() == beside.len(), "{at:?}");
+    for (beside, at) in beside.iter().zip(&at) {
+        assert!((beside - at).abs() < 1e-11, "{beside} {at}");
+    }
 }

@@ -303,6 +303,7 @@ fn frame_of(grains: &GrainConstants, length: f64, step: u64, points: &[[f64; 2]]
         time: step as f64 * TIME_STEP,
         grains: points.iter().enumerate().map(grain).collect(),
         contacts,
+        wall_contacts: Vec::new(),
     }
 }
 

@@ -163,6 +163,7 @@ fn dmin_is_the_sum_of_ovito_over_the_number_of_neighbours() {
             time: 0.0,
             grains: places.iter().map(grain).collect(),
             contacts: contacts.clone(),
+            wall_contacts: Vec::new(),
         };
         let later: Vec<[f64; 2]> = later.collect();
         let frames = [frame(&earlier), frame(&later)];

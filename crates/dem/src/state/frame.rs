@@ -1,6 +1,6 @@
 //! What is read from the file of a run: constants of the grains, and frames.
 
-use super::{Cell, ContactSample, GrainSample};
+use super::{Cell, ContactSample, GrainSample, body};
 use crate::dimension::{Dimensions, Three, Two};
 
 /// Constants of the grains during a run, by id; N grains.
@@ -39,14 +39,24 @@ pub struct Frame {
     pub time: f64,
     /// `[N]` by id.
     pub grains: Vec<GrainSample>,
-    /// Touching contacts in order of (i, j).
+    /// Touching contacts between grains, in order of (i, j).
     pub contacts: Vec<ContactSample>,
+    /// Touching contacts with flat walls, in order of (i, j); none in files of earlier versions.
+    pub wall_contacts: Vec<ContactSample>,
 }
 
 impl Frame {
     /// Whether the grains are disks between walls.
     pub fn is_of_disks_between_walls(&self) -> bool {
         self.dimension == Dimensions::Two && self.cell.sheared.is_none()
+    }
+
+    /// The unit vector from the flat wall of a contact to its grain; `None` between grains.
+    pub fn wall_normal(&self, contact: &ContactSample) -> Option<[f64; 3]> {
+        let wall = contact.wall(self.grains.len())?;
+        let mut normal = [0.0; 3];
+        normal[self.dimension.axes() - 1] = if wall == body::TOP { -1.0 } else { 1.0 };
+        Some(normal)
     }
 
     /// Whether a grain had passed a wall and was removed.

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::Image;
+use super::{Image, body};
 
 /// A grain in a frame: its row of `particles/trajectory` in `run.h5`. In two dimensions the unused
 /// components are 0.
@@ -23,14 +23,14 @@ pub struct GrainSample {
     pub image: Image,
 }
 
-/// A touching contact in a frame: its row of `contacts` in `run.h5`; `i < j` are grain ids. Forces
-/// are per unit depth in 2D (N/m).
+/// A touching contact in a frame: its row of `contacts` in `run.h5`, or of `wall_contacts` of flat
+/// walls; `i < j` are ids. Forces are per unit depth in 2D (N/m).
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ContactSample {
     /// Lower id.
     pub i: u32,
-    /// Higher id.
+    /// Higher id; of a contact with a flat wall N for the bottom and N + 1 for the top.
     pub j: u32,
     /// F_n ≥ 0, the sum of the elastic and the damping part, less an attraction.
     pub normal_force: f64,
@@ -54,6 +54,15 @@ pub struct ContactSample {
     pub twisting: u64,
     /// 1 if spring and damper leave no force, as [`super::ContactState::is_idle`], else 0.
     pub idle: u64,
+}
+
+impl ContactSample {
+    /// The flat wall that one of N grains touches, [`body::BOTTOM`] or [`body::TOP`]; `None` if it
+    /// touches a grain.
+    pub fn wall(&self, grains: usize) -> Option<u32> {
+        let side = self.j.checked_sub(grains as u32)?;
+        Some(body::BOTTOM + side)
+    }
 }
 
 crate::columns! {

@@ -311,7 +311,12 @@ fn parameters(a: &RunFile, b: &RunFile, comparison: &mut Comparison) {
 
 /// Compares the fields of frames, read in blocks.
 fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldComparison>> {
-    let mut fields = FrameComparison::new(b.form());
+    let form = FrameFormat {
+        // Files of earlier versions leave them out.
+        walls: a.form().walls && b.form().walls,
+        ..b.form()
+    };
+    let mut fields = FrameComparison::new(form);
     let length = a.block_length().min(b.block_length());
     for first in (0..frames).step_by(length) {
         let range = first..frames.min(first + length);
@@ -377,6 +382,9 @@ impl FrameComparison {
             }
         }
         self.see_contacts(t, &a.contacts, &b.contacts);
+        if self.form.walls {
+            self.see_contacts(t, &a.wall_contacts, &b.wall_contacts);
+        }
     }
 
     /// Merges two lists in order of (i, j).

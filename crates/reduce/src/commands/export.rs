@@ -52,8 +52,9 @@ pub(crate) enum ExportFormat {
 /// lammps-data and liggghts-data are data files of one state, of atom_style sphere. In 2D the
 /// density gives each grain the mass of the disk per metre of depth. sample.packing reads both.
 /// The other formats hold any number of frames; lammps-dump and csv write the contacts into
-/// NAME-contacts beside the file. Types in LAMMPS' formats: 1 free grains, 2 bottom wall, 3 top
-/// wall, from 4 on free grains of the further materials; ids are those of the run plus 1.
+/// NAME-contacts beside the file, those with flat walls into NAME-wall-contacts. Types in LAMMPS'
+/// formats: 1 free grains, 2 bottom wall, 3 top wall, from 4 on free grains of the further
+/// materials; ids are those of the run plus 1.
 /// Everything is in SI units, of a run in a box in its own ones.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -180,7 +181,7 @@ impl Arguments {
         let name = file.stage().named(&format!("frames.{ending}"));
         let path = Results::path(self.out.as_deref(), file.folder(), &name)?;
         Ok(match self.format {
-            ExportFormat::LammpsDump => Box::new(dump::DumpWriter::create(&path)?),
+            ExportFormat::LammpsDump => Box::new(dump::DumpWriter::create(&path, exported)?),
             ExportFormat::Vtkhdf => Box::new(VtkWriter::create(&path, exported)?),
             ExportFormat::Xyz => Box::new(xyz::XyzWriter::create(&path)?),
             ExportFormat::Npz => Box::new(npz::NpzWriter::new(&path)),
@@ -203,12 +204,12 @@ fn write_numbers(file: &mut PartFile, mut numbers: impl Iterator<Item = f64>) ->
     numbers.try_for_each(|number| write!(file, " {number:?}"))
 }
 
-/// The path of a second file beside `path`: `NAME-contacts.ENDING`.
-fn contacts_beside(path: &Path) -> PathBuf {
+/// The path of a second file beside `path`: `NAME-contacts.ENDING` for `contacts`.
+fn beside(path: &Path, contacts: &str) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let name = match path.extension() {
-        Some(ending) => format!("{stem}-contacts.{}", ending.to_string_lossy()),
-        None => format!("{stem}-contacts"),
+        Some(ending) => format!("{stem}-{contacts}.{}", ending.to_string_lossy()),
+        None => format!("{stem}-{contacts}"),
     };
     path.with_file_name(name)
 }

@@ -6,17 +6,17 @@ use bytemuck::Zeroable;
 use hdf5::{Dataset, H5Type};
 
 use super::open_file::one_line;
-use super::{FrameFields, RunFile};
+use super::{FrameFields, RunFile, StoredContacts};
 use crate::checksums::{self, ContactWeights};
 use crate::contact_quantities::{ContactQuantity, of_contacts};
-use crate::layout::{Kind, REMOVED};
+use crate::layout::{ContactTable, Kind, REMOVED, checksum_name};
 use crate::sound;
 use gshear_dem::failure::Result;
-use gshear_dem::state::{ContactSample, Frame, GrainSample, Image};
+use gshear_dem::state::{ContactSample, Frame, GrainSample, Image, body};
 use gshear_scene::Dimensions;
 
 /// Contacts of some frames, as far as they were read.
-pub(super) struct ContactValues {
+struct ContactValues {
     /// Row of the first contact.
     first: usize,
     i: Vec<u32>,
@@ -43,7 +43,7 @@ struct FlagColumn {
 }
 
 impl ContactValues {
-    pub(super) fn of_rows(&self, rows: Range<usize>) -> Vec<ContactSample> {
+    fn of_rows(&self, rows: Range<usize>) -> Vec<ContactSample> {
         let mut contacts = Vec::with_capacity(rows.len());
         for k in rows.start - self.first..rows.end - self.first {
             let mut contact = ContactSample {
@@ -106,15 +106,22 @@ impl RunFile {
         if fields == FrameFields::All {
             self.read_velocities(&range, &mut grains)?;
         }
-        let contacts = self.contacts(&range, fields)?;
+        let mut contacts = Vec::new();
+        for table in &self.contacts {
+            contacts.push(self.contacts(table, &range, fields)?.into_iter());
+        }
         let mut grains = grains.chunks(self.grains.count().max(1));
-        let frames = range.map(|t| Frame {
-            dimension: self.dimension,
-            cell: self.cell(t),
-            step: self.step[t],
-            time: self.time[t],
-            grains: grains.next().unwrap_or_default().to_vec(),
-            contacts: contacts.of_rows(self.rows(t..t + 1)),
+        let frames = range.map(|t| {
+            let mut of_tables = contacts.iter_mut().filter_map(Iterator::next);
+            Frame {
+                dimension: self.dimension,
+                cell: self.cell(t),
+                step: self.step[t],
+                time: self.time[t],
+                grains: grains.next().unwrap_or_default().to_vec(),
+                contacts: of_tables.next().unwrap_or_default(),
+                wall_contacts: of_tables.next().unwrap_or_default(),
+            }
         });
         Ok(frames.collect())
     }
@@ -206,12 +213,12 @@ impl RunFile {
     /// Returns whether the file has the flags of rolling at its limit: files of disks, and of
     /// spheres that resist it.
     pub(crate) fn has_rolling(&self) -> bool {
-        self.contacts.contains_key("rolling")
+        self.contacts[0].columns.contains_key("rolling")
     }
 
     /// Returns whether the file has those of twisting: files of spheres that resist it.
     pub(crate) fn has_twisting(&self) -> bool {
-        self.contacts.contains_key("twisting")
+        self.contacts[0].columns.contains_key("twisting")
     }
 
     /// Reads the images of some frames, all grains of a frame after the other.
@@ -253,27 +260,38 @@ impl RunFile {
     /// reuses memory of this size; for larger blocks the system would clear every page again.
     pub fn block_length(&self) -> usize {
         let frames = self.frames().max(1);
-        let contacts = self.offset.last().map_or(0, |all| *all as usize) / frames;
+        let ends = self.contacts.iter().filter_map(|table| table.offset.last());
+        let contacts = ends.sum::<u64>() as usize / frames;
         let bytes =
             self.grains.count() * 11 * size_of::<f64>() + contacts * 2 * size_of::<ContactSample>();
         ((16 << 20) / bytes.max(1)).clamp(1, 512)
     }
 
-    /// Returns the rows of the contacts of some frames.
-    pub(super) fn rows(&self, frames: Range<usize>) -> Range<usize> {
-        self.offset[frames.start] as usize..self.offset[frames.end] as usize
-    }
-
+    /// Reads the contacts of a table, of each of some frames.
     pub(super) fn contacts(
         &self,
+        table: &StoredContacts,
+        frames: &Range<usize>,
+        fields: FrameFields,
+    ) -> Result<Vec<Vec<ContactSample>>> {
+        let values = self.contact_values(table, frames, fields)?;
+        let of_frames = frames.clone();
+        Ok(of_frames
+            .map(|t| values.of_rows(table.rows(t..t + 1)))
+            .collect())
+    }
+
+    fn contact_values(
+        &self,
+        table: &StoredContacts,
         frames: &Range<usize>,
         fields: FrameFields,
     ) -> Result<ContactValues> {
-        let (rows, form) = (self.rows(frames.clone()), self.form);
+        let (rows, form) = (table.rows(frames.clone()), self.form);
         let mut contacts = ContactValues {
             first: rows.start,
-            i: self.column("i", &rows)?,
-            j: self.column("j", &rows)?,
+            i: self.column(table, "i", &rows)?,
+            j: self.second_ids(table, &rows)?,
             numbers: Vec::new(),
             flags: Vec::new(),
             has_idle: form.idle,
@@ -284,54 +302,82 @@ impl RunFile {
                 _ if fields < least_fields(quantity) => {}
                 Kind::Flag => contacts.flags.push(FlagColumn {
                     quantity,
-                    flags: self.column(name, &rows)?,
+                    flags: self.column(table, name, &rows)?,
                 }),
                 _ => contacts.numbers.push(NumberColumn {
                     quantity,
                     width: quantity.width(form),
-                    values: self.column(name, &rows)?,
+                    values: self.column(table, name, &rows)?,
                 }),
             }
         }
-        self.check_pairs(&contacts.i, &contacts.j, rows.start)?;
+        self.check_pairs(table.table, &contacts.i, &contacts.j, rows.start)?;
         let weights = ContactWeights::new(&contacts.i, &contacts.j, form.axes);
         for t in frames.clone() {
-            let rows = self.rows(t..t + 1);
+            let rows = table.rows(t..t + 1);
             let rows = rows.start - contacts.first..rows.end - contacts.first;
-            self.verify(t, "pairs", weights.pairs(rows.clone()))?;
+            let verify =
+                |name: &str, sum: u64| self.verify(t, &checksum_name(table.table, name), sum);
+            verify("pairs", weights.pairs(rows.clone()))?;
             for column in &contacts.numbers {
                 let width = column.width;
                 let values = &column.values[rows.start * width..rows.end * width];
                 let sum = weights.numbers(rows.clone(), values, width);
-                self.verify(t, column.quantity.column.name, sum)?;
+                verify(column.quantity.column.name, sum)?;
             }
             for column in &contacts.flags {
                 let sum = weights.flags(rows.clone(), &column.flags[rows.clone()]);
-                self.verify(t, column.quantity.column.name, sum)?;
+                verify(column.quantity.column.name, sum)?;
             }
         }
         Ok(contacts)
     }
 
     /// Checks the ids of contacts; `first`: row of the first one.
-    fn check_pairs(&self, i: &[u32], j: &[u32], first: usize) -> Result<()> {
-        let n = self.grains.count();
-        match (0..i.len()).find(|&k| i[k] >= j[k] || j[k] as usize >= n) {
-            None => Ok(()),
-            Some(k) => {
-                let (row, i, j) = (first + k, i[k], j[k]);
-                Err(self.wrong(format!(
-                    "connectivity/contacts: row {row} joins grains {i} and {j}; ids must be i < j < {n}"
-                )))
+    fn check_pairs(&self, table: ContactTable, i: &[u32], j: &[u32], first: usize) -> Result<()> {
+        let n = self.grains.count() as u32;
+        let is_right = |i: u32, j: u32| match table {
+            ContactTable::Grains => i < j && j < n,
+            ContactTable::Walls => i < n && (n..n + 2).contains(&j),
+        };
+        let Some(k) = (0..i.len()).find(|&k| !is_right(i[k], j[k])) else {
+            return Ok(());
+        };
+        let (group, row, i, j) = (table.group(), first + k, i[k], j[k]);
+        Err(self.wrong(match table {
+            ContactTable::Grains => {
+                format!("{group}: row {row} joins grains {i} and {j}; ids must be i < j < {n}")
             }
+            ContactTable::Walls => {
+                format!("{group}: row {row}: i must be less than {n}, wall 1 or 2")
+            }
+        }))
+    }
+
+    /// The second ids of contacts: j, or N or N + 1 of a flat wall.
+    fn second_ids(&self, table: &StoredContacts, rows: &Range<usize>) -> Result<Vec<u32>> {
+        let name = table.table.second().name;
+        if table.table == ContactTable::Grains {
+            return self.column(table, name, rows);
         }
+        let walls: Vec<u8> = self.column(table, name, rows)?;
+        let before = self.grains.count() as u32 - body::BOTTOM;
+        Ok(walls
+            .into_iter()
+            .map(|wall| before + u32::from(wall))
+            .collect())
     }
 
     /// Reads the values of a quantity of the contacts, one contact after the other.
-    fn column<T: H5Type>(&self, name: &str, rows: &Range<usize>) -> Result<Vec<T>> {
+    fn column<T: H5Type>(
+        &self,
+        table: &StoredContacts,
+        name: &str,
+        rows: &Range<usize>,
+    ) -> Result<Vec<T>> {
         if rows.is_empty() {
             return Ok(Vec::new());
         }
-        self.read(&self.contacts[name], rows)
+        self.read(&table.columns[name], rows)
     }
 }

@@ -9,6 +9,7 @@ mod verify;
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -24,7 +25,7 @@ use crate::checksums;
 use crate::contact_quantities::{IDLE, TWISTING_HISTORY};
 use crate::file_names::{RUN_FILE, folder_of};
 use crate::layout::{
-    CONTACTS, FrameFormat, IMAGE, OBSERVABLES, PARTICLES, REMOVED, contact_dataset, elements,
+    ContactTable, FrameFormat, IMAGE, OBSERVABLES, PARTICLES, REMOVED, contact_dataset, elements,
     grain_dataset, of_grain,
 };
 pub use crate::parameter::{Parameter, Parameters};
@@ -158,18 +159,40 @@ pub struct RunFile {
     time: Vec<f64>,
     /// `[T]` Edges of the box.
     boxes: Vec<BoxEdges>,
-    offset: Vec<u64>,
     position: Dataset,
     velocity: Dataset,
     angular_velocity: Dataset,
     image: Dataset,
     /// In scenes that remove grains.
     removed: Option<Dataset>,
-    /// Of [`of_contact`], by name.
-    contacts: BTreeMap<&'static str, Dataset>,
+    /// Of [`ContactTable::of`].
+    contacts: Vec<StoredContacts>,
     sums: FrameSums,
     /// Closed when all its datasets are.
     _file: Arc<ReadFile>,
+}
+
+/// A table of the contacts of all frames.
+struct StoredContacts {
+    table: ContactTable,
+    /// `[T+1]` Rows of the first contacts of the frames.
+    offset: Vec<u64>,
+    /// Of [`crate::layout::of_contact`], by name.
+    columns: BTreeMap<&'static str, Dataset>,
+}
+
+impl StoredContacts {
+    /// Rows of the contacts of some frames.
+    fn rows(&self, frames: Range<usize>) -> Range<usize> {
+        self.offset[frames.start] as usize..self.offset[frames.end] as usize
+    }
+
+    /// Number of frames whose contacts every dataset has.
+    fn whole_frames(&self) -> usize {
+        let stored = self.columns.values().map(rows).min().unwrap_or(0) as u64;
+        let whole = self.offset.iter().take_while(|&&end| end <= stored);
+        whole.count().saturating_sub(1)
+    }
 }
 
 impl RunFile {
@@ -267,6 +290,7 @@ impl RunFile {
             torques,
             idle: source.exists(&contact_dataset(IDLE)),
             removed: source.exists(&grain_dataset(&REMOVED.column)),
+            walls: source.exists(ContactTable::Walls.group()),
         };
         let of_grains = |quantity| source.of_grains(quantity, grains.count());
         let [position, velocity, angular_velocity] = elements(form.axes).map(of_grains);
@@ -289,13 +313,14 @@ impl RunFile {
             step: source.all(&format!("{PARTICLES}/position/step"))?,
             time: source.all(&format!("{PARTICLES}/position/time"))?,
             boxes: Vec::new(),
-            offset: source.all(&contact_dataset("offset"))?,
             position: position?,
             velocity: velocity?,
             angular_velocity: angular_velocity?,
             image: image?,
             removed,
-            contacts: source.of_contacts(form)?,
+            contacts: (ContactTable::of(form))
+                .map(|table| source.of_contacts(table, form))
+                .collect::<Result<_>>()?,
             sums: FrameSums::read(&source, form)?,
             grains,
             ids,
@@ -325,23 +350,14 @@ impl RunFile {
 
     /// Keeps the frames that every dataset has, and reads their boxes.
     fn cut_to_whole_frames(&mut self, source: &OpenFile<'_>, finished: bool) -> Result<()> {
-        let offset = &self.offset;
-        if let Some(t) = (1..offset.len()).find(|&t| offset[t] < offset[t - 1]) {
-            let what = format!("decreases at frame {t}");
-            return Err(source.wrong(&contact_dataset("offset"), what));
-        }
-        let stored = self.contacts.values().map(rows).min().unwrap_or(0) as u64;
-        let whole = offset.iter().take_while(|&&end| end <= stored).count();
         let names = of_grain(self.form).into_iter();
         let names: Vec<String> = names
             .map(|quantity| grain_dataset(&quantity.column))
             .collect();
         let [step, time] = ["step", "time"].map(|part| format!("{PARTICLES}/position/{part}"));
-        let mut lengths = vec![
-            (&*step, self.step.len()),
-            (&*time, self.time.len()),
-            (CONTACTS, whole.saturating_sub(1)),
-        ];
+        let mut lengths = vec![(&*step, self.step.len()), (&*time, self.time.len())];
+        let tables = self.contacts.iter();
+        lengths.extend(tables.map(|contacts| (contacts.table.group(), contacts.whole_frames())));
         let datasets = [
             &self.position,
             &self.velocity,
@@ -353,7 +369,9 @@ impl RunFile {
         let frames = source.common_length(&lengths, finished, "frames")?;
         self.step.truncate(frames);
         self.time.truncate(frames);
-        self.offset.truncate(frames + 1);
+        for contacts in &mut self.contacts {
+            contacts.offset.truncate(frames + 1);
+        }
         let (edges, width) = source.frame_edges(frames)?;
         for (t, edges) in edges.chunks_exact(width).enumerate() {
             let clock = checksums::of_clock(self.step[t], self.time[t], edges);
@@ -574,9 +592,9 @@ impl RunFile {
         &self.step
     }
 
-    /// Returns the row of the first contact of each frame, `[T+1]`.
+    /// Returns the row of the first contact between grains of each frame, `[T+1]`.
     pub fn contact_offsets(&self) -> &[u64] {
-        &self.offset
+        &self.contacts[0].offset
     }
 
     /// Returns the time of the frames, `[T]` (s); their strain in the stage of strain steps.

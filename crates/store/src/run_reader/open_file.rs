@@ -9,12 +9,12 @@ use std::sync::Arc;
 use hdf5::types::VarLenUnicode;
 use hdf5::{Dataset, H5Type};
 
-use super::{Parameter, Parameters, Series, StoredScalars};
+use super::{Parameter, Parameters, Series, StoredContacts, StoredScalars};
 use crate::checksums::{self, Constants, OF_PARAMETERS, of_parameters};
 use crate::disk;
 use crate::layout::{
-    EDGES_VALUE, FrameFormat, OBSERVABLES, PARAMETERS, PARTICLES, Quantity, SCALARS,
-    contact_dataset, grain_dataset, of_contact,
+    ContactTable, EDGES_VALUE, FrameFormat, OBSERVABLES, PARAMETERS, PARTICLES, Quantity, SCALARS,
+    grain_dataset, of_contact,
 };
 use crate::parameter::attributes;
 use crate::part::{OpenPart, Part, groups};
@@ -144,15 +144,28 @@ impl<'a> OpenFile<'a> {
         self.frames(&grain_dataset(&quantity.column), &inner[..dimensions])
     }
 
-    /// The datasets of the contacts, by name.
-    pub(super) fn of_contacts(&self, form: FrameFormat) -> Result<BTreeMap<&'static str, Dataset>> {
-        let mut datasets = BTreeMap::new();
-        for Quantity { column, width, .. } in of_contact(form) {
-            let inner = if width == 1 { &[][..] } else { &[width] };
-            let dataset = self.frames(&contact_dataset(column), inner)?;
-            datasets.insert(column.name, dataset);
+    /// A table of contacts.
+    pub(super) fn of_contacts(
+        &self,
+        table: ContactTable,
+        form: FrameFormat,
+    ) -> Result<StoredContacts> {
+        let name = table.dataset("offset");
+        let offset: Vec<u64> = self.all(&name)?;
+        if let Some(t) = (1..offset.len()).find(|&t| offset[t] < offset[t - 1]) {
+            return Err(self.wrong(&name, format!("decreases at frame {t}")));
         }
-        Ok(datasets)
+        let mut columns = BTreeMap::new();
+        for Quantity { column, width, .. } in of_contact(table, form) {
+            let inner = if width == 1 { &[][..] } else { &[width] };
+            let dataset = self.frames(&table.dataset(column), inner)?;
+            columns.insert(column.name, dataset);
+        }
+        Ok(StoredContacts {
+            table,
+            offset,
+            columns,
+        })
     }
 
     /// What is constant of the grains, their ids and materials, verified. `edges`: of the box at

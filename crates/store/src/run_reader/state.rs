@@ -8,8 +8,8 @@ use gshear_dem::state::{ContactSample, ContactState, GrainState, body};
 use gshear_scene::Dimensions;
 
 impl RunFile {
-    /// Reads positions, radii and bodies of all grains, by id, and the contacts with their
-    /// histories, of frame t < T. Velocities and forces are 0.
+    /// Reads positions, radii and bodies of all grains, by id, and the contacts between them with
+    /// their histories, of frame t < T. Velocities and forces are 0.
     ///
     /// # Errors
     /// `Failure::Input` if the file is damaged.
@@ -26,9 +26,9 @@ impl RunFile {
             position: place.position,
             ..GrainState::zeroed()
         });
-        let contacts = self.contacts(&(t..t + 1), FrameFields::All)?;
-        let contacts = contacts.of_rows(self.rows(t..t + 1));
-        let contacts = contacts.iter().map(|c| self.contact_state(c));
+        let between_grains = &self.contacts[0];
+        let contacts = self.contacts(between_grains, &(t..t + 1), FrameFields::All)?;
+        let contacts = contacts.iter().flatten().map(|c| self.contact_state(c));
         Ok((grains.collect(), contacts.collect()))
     }
 

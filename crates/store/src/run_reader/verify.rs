@@ -8,7 +8,7 @@ use gshear_dem::failure::{Failure, Result};
 
 /// The checksums of the frames of a file.
 pub(crate) struct FrameSums {
-    columns: Vec<&'static str>,
+    columns: Vec<String>,
     /// `[T][columns]`.
     sums: Vec<u64>,
 }
@@ -25,7 +25,7 @@ impl FrameSums {
 
     /// Whether a checksum of frame t is that of the file.
     pub fn agrees(&self, t: usize, column: &str, sum: u64) -> bool {
-        let at = self.columns.iter().position(|known| *known == column);
+        let at = self.columns.iter().position(|known| known == column);
         let stored = at.and_then(|at| self.sums.get(t * self.columns.len() + at));
         stored.is_none_or(|&stored| stored == sum)
     }

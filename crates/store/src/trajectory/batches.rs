@@ -7,13 +7,14 @@ use crate::collective::CollectiveOutcome;
 use crate::contact_quantities::numbers;
 use crate::h5::Slab;
 use crate::h5::by_root;
-use crate::layout::{FrameFormat, frame_columns};
+use crate::layout::{ContactTable, FrameFormat, frame_columns};
 use crate::row_table::RowTable;
 use gshear_dem::failure::Result;
 use gshear_dem::state::{ContactSample, GrainSample};
 use gshear_mpi_exchange::Parallel;
 
-/// Of each frame of a batch the number of contacts, then the checksums of the columns. Collective.
+/// Of each frame of a batch the numbers of contacts of each table, then the checksums of the
+/// columns but the clock. Collective.
 fn sums_of(
     exchange: &dyn Parallel,
     part: &ShareColumns,
@@ -21,13 +22,17 @@ fn sums_of(
     frames: usize,
     form: FrameFormat,
 ) -> Vec<i64> {
-    let width = frame_columns(form).len();
+    let tables = part.contacts.len();
+    let width = tables + frame_columns(form).len() - 1;
     let mut sums = vec![0i64; frames * width];
     let of_share = part.checksums(share, form);
     let rows = (sums.chunks_exact_mut(width)).skip(share.frames.start as usize);
-    for ((row, contacts), checksums) in rows.zip(&part.counts).zip(of_share) {
-        row[0] = *contacts;
-        for (sum, checksum) in row[1..].iter_mut().zip(checksums) {
+    for (f, (row, checksums)) in rows.zip(of_share).enumerate() {
+        let (counts, of_columns) = row.split_at_mut(tables);
+        for (count, contacts) in counts.iter_mut().zip(&part.contacts) {
+            *count = contacts.counts[f];
+        }
+        for (sum, checksum) in of_columns.iter_mut().zip(checksums) {
             *sum = checksum as i64;
         }
     }
@@ -35,8 +40,8 @@ fn sums_of(
     sums
 }
 
-/// The checksums of the frames of a batch. `sums`: [`sums_of`].
-fn checksums(frames: &Frames, sums: &[i64], edges: &[f64]) -> Vec<u64> {
+/// The checksums of the frames of a batch with so many tables of contacts. `sums`: [`sums_of`].
+fn checksums(frames: &Frames, sums: &[i64], tables: usize, edges: &[f64]) -> Vec<u64> {
     let count = frames.step.len();
     let rows = sums.chunks_exact(sums.len() / count);
     let clock = frames.step.iter().zip(&frames.time);
@@ -44,9 +49,26 @@ fn checksums(frames: &Frames, sums: &[i64], edges: &[f64]) -> Vec<u64> {
     let mut all = Vec::with_capacity(sums.len());
     for ((row, (&step, &time)), edges) in rows.zip(clock).zip(boxes) {
         all.push(of_clock(step, time, edges));
-        all.extend(row[1..].iter().map(|&sum| sum as u64));
+        all.extend(row[tables..].iter().map(|&sum| sum as u64));
     }
     all
+}
+
+/// Where the contacts of a batch are in a table.
+struct ContactPlace {
+    /// Row of this rank's first contact.
+    begin: u64,
+    /// Number of its contacts.
+    own: u64,
+    /// The row after the last contact of each frame.
+    ends: Vec<u64>,
+}
+
+impl ContactPlace {
+    /// The row after the last contact.
+    fn end(&self) -> u64 {
+        *self.ends.last().expect("a batch has frames")
+    }
 }
 
 impl TrajectoryWriter {
@@ -64,19 +86,25 @@ impl TrajectoryWriter {
         let messages = exchange.all_to_all(self.frames.messages(&shares));
         let share = shares.of(exchange.rank());
         let form = self.columns.form;
-        let part = ShareColumns::assemble(&messages, &share, form);
+        let part = ShareColumns::assemble(&messages, &share, self.blocks.grains, form);
         drop(messages);
-        let width = frame_columns(form).len();
         let sums = sums_of(exchange, &part, &share, count as usize, form);
+        let tables = part.contacts.len();
         // Shares follow each other in the order of the file, so a rank's contacts are contiguous.
-        let counts = sums.iter().step_by(width);
-        let own = part.i.len() as u64;
-        let begin = self.contacts_written + exchange.sum_below(own);
-        let mut end = self.contacts_written;
-        let mut ends = Vec::new();
-        for count in counts {
-            end += *count as u64;
-            ends.push(end);
+        let mut places = Vec::new();
+        for (k, contacts) in part.contacts.iter().enumerate() {
+            let before = self.contacts_written[k];
+            let own = contacts.i.len() as u64;
+            let counts = sums.iter().skip(k).step_by(sums.len() / count as usize);
+            let ends = counts.scan(before, |end, count| {
+                *end += *count as u64;
+                Some(*end)
+            });
+            places.push(ContactPlace {
+                begin: before + exchange.sum_below(own),
+                own,
+                ends: ends.collect(),
+            });
         }
 
         let (before, after) = (self.frames_written, self.frames_written + count);
@@ -84,7 +112,9 @@ impl TrajectoryWriter {
             start: [before + share.frames.start, share.ids.start, 0],
             count: [length(&share.frames), length(&share.ids), 3],
         };
-        let contacts = end - self.contacts_written;
+        let after_contacts: Vec<u64> = places.iter().map(ContactPlace::end).collect();
+        let contacts =
+            after_contacts.iter().sum::<u64>() - self.contacts_written.iter().sum::<u64>();
         let bytes = count * self.blocks.grains * size_of::<GrainSample>() as u64
             + contacts * size_of::<ContactSample>() as u64;
         self.file.reserve(exchange, bytes as usize)?;
@@ -101,21 +131,34 @@ impl TrajectoryWriter {
         if let Some(column) = grains.next() {
             outcome.note(column.append(after, block, &part.removed));
         }
-        let mut contacts = columns.contacts.iter_mut();
-        for (ids, column) in [&part.i, &part.j].into_iter().zip(contacts.by_ref()) {
-            outcome.note(column.append(end, Slab::rows(begin, own, 1), ids));
-        }
-        let numbers = part.forces.iter().zip(numbers(form));
-        for ((values, quantity), column) in numbers.zip(contacts.by_ref()) {
-            let rows = Slab::rows(begin, own, quantity.width(form) as u64);
-            outcome.note(column.append(end, rows, values));
-        }
-        for (flags, column) in part.flags.iter().zip(contacts) {
-            outcome.note(column.append(end, Slab::rows(begin, own, 1), flags));
+        let tables_of = ContactTable::of(form).zip(&mut columns.contacts);
+        for ((table, datasets), (contacts, place)) in
+            tables_of.zip(part.contacts.iter().zip(&places))
+        {
+            let (end, rows) = (place.end(), |width| {
+                Slab::rows(place.begin, place.own, width)
+            });
+            let mut datasets_of = datasets.columns.iter_mut();
+            let mut next = || datasets_of.next().expect("a dataset of each quantity");
+            outcome.note(next().append(end, rows(1), &contacts.i));
+            outcome.note(match table {
+                ContactTable::Grains => next().append(end, rows(1), &contacts.j),
+                ContactTable::Walls => {
+                    let walls = contacts.walls(self.blocks.grains);
+                    next().append(end, rows(1), &walls)
+                }
+            });
+            for (values, quantity) in contacts.forces.iter().zip(numbers(form)) {
+                let rows = rows(quantity.width(form) as u64);
+                outcome.note(next().append(end, rows, values));
+            }
+            for flags in &contacts.flags {
+                outcome.note(next().append(end, rows(1), flags));
+            }
+            outcome.note(by_root(root, &mut datasets.offset, before + 1, &place.ends));
         }
         outcome.note(by_root(root, &mut columns.step, before, &self.frames.step));
         outcome.note(by_root(root, &mut columns.time, before, &self.frames.time));
-        outcome.note(by_root(root, &mut columns.offset, before + 1, &ends));
         let of_box = columns.edges.row_length();
         let edges = self.frames.edges_as_stored(of_box);
         let slab = Slab {
@@ -126,13 +169,14 @@ impl TrajectoryWriter {
         outcome.note(columns.edges.append(after, slab, local));
         let mut sums_of_frames = Vec::new();
         if root {
-            sums_of_frames = checksums(&self.frames, &sums, &edges);
+            sums_of_frames = checksums(&self.frames, &sums, tables, &edges);
         }
+        let width = frame_columns(form).len();
         let rows = (sums_of_frames.len() / width) as u64;
         let rows = Slab::rows(before, rows, width as u64);
         outcome.note(columns.frame_sums.append(after, rows, &sums_of_frames));
         self.file.agree(exchange, outcome)?;
-        (self.frames_written, self.contacts_written) = (after, end);
+        (self.frames_written, self.contacts_written) = (after, after_contacts);
         self.frames.clear();
         self.flush_now_and_then(exchange)
     }

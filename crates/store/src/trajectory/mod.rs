@@ -59,7 +59,8 @@ pub struct TrajectoryWriter {
     batch: usize,
     frames: Frames,
     frames_written: u64,
-    contacts_written: u64,
+    /// In each table of contacts.
+    contacts_written: Vec<u64>,
     flushed: Instant,
 }
 
@@ -140,6 +141,7 @@ impl TrajectoryWriter {
         // About two contacts a grain.
         let frame = size_of::<GrainSample>() + 2 * size_of::<ContactSample>();
         TrajectoryWriter {
+            contacts_written: vec![0; columns.contacts.len()],
             columns,
             scalars: None,
             file,
@@ -149,7 +151,6 @@ impl TrajectoryWriter {
             batch: (BATCH_BYTES / (frame * blocks.grains as usize).max(1)).clamp(1, CHUNK_FRAMES),
             frames: Frames::default(),
             frames_written: 0,
-            contacts_written: 0,
             flushed: Instant::now(),
         }
     }
@@ -214,7 +215,9 @@ impl TrajectoryWriter {
             }
             outcome.note(dataset.write(file, local, values));
         }
-        outcome.note(by_root(root, &mut self.columns.offset, 0, &[0u64]));
+        for table in &mut self.columns.contacts {
+            outcome.note(by_root(root, &mut table.offset, 0, &[0u64]));
+        }
         self.file.agree(exchange, outcome)?;
         self.flush_file(exchange)
     }
@@ -231,8 +234,8 @@ impl TrajectoryWriter {
 
     /// Adds the next frame: `edges` of the box (between walls, the diagonal is written), which are
     /// the same on every rank, this rank's grains, and the contacts whose lower id is one of them,
-    /// in any order. Together the ranks must give each grain and each contact once. Frames are
-    /// buffered and written in batches, so few calls communicate.
+    /// those with flat walls as well, in any order. Together the ranks must give each grain and
+    /// each contact once. Frames are buffered and written in batches, so few calls communicate.
     ///
     /// # Errors
     /// If the file cannot be written.

@@ -42,7 +42,7 @@ impl TrajectoryWriter {
         let opened = Datasets::new(&file, OpenMode::Open, existing.grains as usize, &header);
         let columns = agree(exchange, opened)?;
         let mut writer = Self::new(file, &part, columns, blocks);
-        (writer.frames_written, writer.contacts_written) = (frames, existing.contacts);
+        (writer.frames_written, writer.contacts_written) = (frames, existing.contacts.clone());
         // A file that was closed has no journal, and a kill while it is cut would damage it.
         write_journal(&writer.file, &writer.path, exchange)?;
         let mut outcome = CollectiveOutcome::default();
@@ -56,7 +56,7 @@ impl TrajectoryWriter {
         outcome.note(seal(&writer.file));
         writer
             .columns
-            .cut(frames, existing.contacts, rows, &mut outcome);
+            .cut(frames, &existing.contacts, rows, &mut outcome);
         writer.file.agree(exchange, outcome)?;
         writer.flush_file(exchange)?;
         // The space of removed rows may be used again, which the last journal does not know.

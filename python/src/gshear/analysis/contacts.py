@@ -172,10 +172,10 @@ def mobilisation(contacts: Contacts, *, attraction: ArrayLike | None = None) -> 
 def grain_stress(contacts: Contacts, *, volumes: ArrayLike | None = None) -> xr.DataArray:
     """Returns the stress of every grain, [grain, axis, along] (Pa); compression is positive.
 
-    σ = 1/V Σ R n ⊗ f over the contacts of the grain, symmetric part (Lee & Hurley; Christoffersen,
-    Mehrabadi & Nemat-Nasser, J. Appl. Mech. 48, 339, 1981), as `gshear-reduce export --fields
-    stress` has it: V is the volume of the grain, in 2D πR². The stress of the sample is the sum of
-    V σ over its volume, but for overlaps and the kinetic part.
+    σ = 1/V Σ R n ⊗ f over the contacts of the grain, with flat walls too, symmetric part (Lee &
+    Hurley; Christoffersen, Mehrabadi & Nemat-Nasser, J. Appl. Mech. 48, 339, 1981), as
+    `gshear-reduce export --fields stress` has it: V is the volume of the grain, in 2D πR². The
+    stress of the sample is the sum of V σ over its volume, but for overlaps and the kinetic part.
 
         pressure = np.trace(analysis.grain_stress(run.contacts(-1)), axis1=1, axis2=2) / 2
 
@@ -193,11 +193,13 @@ def grain_stress(contacts: Contacts, *, volumes: ArrayLike | None = None) -> xr.
     v = own if volumes is None else np.asarray(volumes, dtype=np.float64)
     if v.shape != own.shape:
         raise ValueError(f"volumes are of shape {v.shape}; give one for each of {len(own)} grains")
-    arms = np.einsum("ka,kb->kab", contacts.normal[:, :d], contacts.force[:, :d])
     total = np.zeros((len(own), d, d))
-    for end in (contacts.i, contacts.j):
-        # The arm to the contact and the force are both opposite on j.
-        np.add.at(total, end, frame.radius[end, None, None] * arms)
+    with_walls = frame.wall_contacts
+    for kind, ends in ((contacts, (contacts.i, contacts.j)), (with_walls, (with_walls.i,))):
+        arms = np.einsum("ka,kb->kab", kind.normal[:, :d], kind.force[:, :d])
+        for end in ends:
+            # The arm to the contact and the force are both opposite on j.
+            np.add.at(total, end, frame.radius[end, None, None] * arms)
     stress = (total + np.swapaxes(total, 1, 2)) / 2 / v[:, None, None]
     stress[frame.removed] = np.nan
     is_si = frame.units.get("radius") == "m"

@@ -26,7 +26,7 @@ pub(crate) enum GrainField {
     Stress,
     /// 1 in the grains of the greatest reduction of force since the frame before (2D)
     Regions,
-    /// Number of contacts
+    /// Number of contacts, those with flat walls as well
     Contacts,
     /// Number of the material; always where there are several
     Material,
@@ -285,6 +285,15 @@ impl<'a> ExportedRun<'a> {
         (if moved { image } else { to }, moved)
     }
 
+    /// The point at which a grain touches a flat wall (m): that of the plane nearest to its centre.
+    pub fn wall_point(&self, frame: &ExportedFrame, contact: &ContactSample) -> [f64; 3] {
+        let grain = contact.i as usize;
+        let normal = frame.records.wall_normal(contact).unwrap_or_default();
+        let distance = self.file.grains().radius[grain] - contact.overlap;
+        let from = frame.records.grains[grain].position;
+        std::array::from_fn(|axis| from[axis] - distance * normal[axis])
+    }
+
     /// Calls `each` for these frames, in order.
     pub(crate) fn each_frame(
         &self,
@@ -373,6 +382,9 @@ impl<'a> ExportedRun<'a> {
             for grain in [contact.i, contact.j] {
                 count[grain as usize] += 1.0;
             }
+        }
+        for contact in &now.wall_contacts {
+            count[contact.i as usize] += 1.0;
         }
         count
     }

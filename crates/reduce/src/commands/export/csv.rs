@@ -1,4 +1,4 @@
-//! Tables of grains and contacts, one line per grain or contact and frame.
+//! Tables of grains, contacts and contacts with flat walls, one line of each and frame.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -9,12 +9,14 @@ use gshear_store::dictionary;
 use gshear_store::text_writer::PartFile;
 
 use super::content::{ExportedFrame, ExportedRun, contact_names, contact_values, state_names};
-use super::{FrameWriter, contacts_beside};
+use super::{FrameWriter, beside};
 
-/// Writes both tables.
+/// Writes the tables.
 pub(crate) struct CsvWriter {
     grains: TableStream,
     contacts: TableStream,
+    /// Of runs with flat walls.
+    wall_contacts: Option<TableStream>,
     axes: usize,
 }
 
@@ -57,7 +59,10 @@ impl CsvWriter {
     pub fn create(path: &Path, run: &ExportedRun) -> Result<Self> {
         Ok(Self {
             grains: TableStream::create(path)?,
-            contacts: TableStream::create(&contacts_beside(path))?,
+            contacts: TableStream::create(&beside(path, "contacts"))?,
+            wall_contacts: (run.file.form().walls)
+                .then(|| TableStream::create(&beside(path, "wall-contacts")))
+                .transpose()?,
             axes: run.axes(),
         })
     }
@@ -98,14 +103,30 @@ impl FrameWriter for CsvWriter {
             .columns(contact_names(form), |c| {
                 contact_values(form, c).collect::<Vec<_>>()
             });
-        self.contacts.append(&contacts.csv())
+        self.contacts.append(&contacts.csv())?;
+        let Some(wall_contacts) = &mut self.wall_contacts else {
+            return Ok(());
+        };
+        let grains = frame.records.grains.len();
+        let contacts = table_of(frame, &frame.records.wall_contacts)
+            .column("i", |c| ids[c.i as usize])
+            .column("wall", |c| c.wall(grains).unwrap_or_default())
+            .columns(["x", "y", "z"], |c| run.wall_point(frame, c))
+            .columns(contact_names(form), |c| {
+                contact_values(form, c).collect::<Vec<_>>()
+            });
+        wall_contacts.append(&contacts.csv())
     }
 
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>> {
         let axes = self.axes;
-        Ok(vec![
+        let mut written = vec![
             self.grains.finish("frames.csv", axes)?,
             self.contacts.finish("frames-contacts.csv", axes)?,
-        ])
+        ];
+        if let Some(contacts) = self.wall_contacts {
+            written.push(contacts.finish("frames-wall-contacts.csv", axes)?);
+        }
+        Ok(written)
     }
 }

@@ -1,27 +1,35 @@
 //! LAMMPS dump files: grains in the format of `dump custom`, contacts in that of `dump local`.
+//! Contacts with flat walls have no second grain: they are atoms, with the force on the grain.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use gshear_analysis::forces;
 use gshear_dem::failure::Result;
+use gshear_scene::atom_type;
 use gshear_store::text_writer::PartFile;
 
 use super::content::{ExportedFrame, ExportedRun, contact_names, contact_values};
-use super::{FrameWriter, contacts_beside, write_numbers};
+use super::{FrameWriter, beside, write_numbers};
 
-/// Writes both files.
+/// Writes the files.
 pub(crate) struct DumpWriter {
     grains: PartFile,
     contacts: PartFile,
+    /// Of runs with flat walls.
+    wall_contacts: Option<PartFile>,
 }
 
 impl DumpWriter {
     /// # Errors
     /// Files that cannot be created.
-    pub fn create(path: &Path) -> Result<Self> {
+    pub fn create(path: &Path, run: &ExportedRun) -> Result<Self> {
         Ok(Self {
             grains: PartFile::create(path)?,
-            contacts: PartFile::create(&contacts_beside(path))?,
+            contacts: PartFile::create(&beside(path, "contacts"))?,
+            wall_contacts: (run.file.form().walls)
+                .then(|| PartFile::create(&beside(path, "wall-contacts")))
+                .transpose()?,
         })
     }
 
@@ -97,6 +105,31 @@ impl DumpWriter {
         }
         Ok(())
     }
+
+    fn write_wall_contacts(
+        file: &mut PartFile,
+        run: &ExportedRun,
+        frame: &ExportedFrame,
+    ) -> std::io::Result<()> {
+        let contacts = &frame.records.wall_contacts;
+        Self::head(file, run, frame, ("ATOMS", contacts.len()))?;
+        write!(file, "ITEM: ATOMS id type x y z fx fy fz grain")?;
+        for name in contact_names(run.file.form()) {
+            write!(file, " {name}")?;
+        }
+        writeln!(file)?;
+        for (k, contact) in contacts.iter().enumerate() {
+            let wall = contact.wall(frame.records.grains.len());
+            write!(file, "{} {}", k + 1, atom_type(wall.unwrap_or_default(), 0))?;
+            write_numbers(file, run.wall_point(frame, contact).into_iter())?;
+            let force = forces::vectors(&frame.records, contact).force;
+            write_numbers(file, force.into_iter())?;
+            write!(file, " {}", run.file.ids()[contact.i as usize] + 1)?;
+            write_numbers(file, contact_values(run.file.form(), contact))?;
+            writeln!(file)?;
+        }
+        Ok(())
+    }
 }
 
 impl FrameWriter for DumpWriter {
@@ -104,10 +137,19 @@ impl FrameWriter for DumpWriter {
         let written = self.write_grains(run, frame);
         self.grains.checked(written)?;
         let written = self.write_contacts(run, frame);
-        self.contacts.checked(written)
+        self.contacts.checked(written)?;
+        let Some(file) = &mut self.wall_contacts else {
+            return Ok(());
+        };
+        let written = Self::write_wall_contacts(file, run, frame);
+        file.checked(written)
     }
 
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>> {
-        Ok(vec![self.grains.finish()?, self.contacts.finish()?])
+        let files = [self.grains, self.contacts].into_iter();
+        files
+            .chain(self.wall_contacts)
+            .map(PartFile::finish)
+            .collect()
     }
 }

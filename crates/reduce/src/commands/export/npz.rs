@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use bytemuck::{NoUninit, cast_slice};
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
+use gshear_analysis::forces;
 use gshear_dem::failure::Result;
 use gshear_store::contact_quantities::of_contacts;
 use gshear_store::text_writer::PartFile;
@@ -93,6 +94,48 @@ impl NpzWriter {
         let array = &mut self.arrays[at];
         array.shape[0] += entries;
         array.bytes.extend_from_slice(cast_slice(values));
+    }
+
+    /// Appends the row after the contacts of a frame, before the first frame 0. `rows`: an array
+    /// with a row of each contact, those of the frame not yet.
+    fn append_offset(&mut self, name: &str, rows: &str, contacts: usize) {
+        let mut arrays = self.arrays.iter();
+        let before = arrays.find(|array| array.name == rows);
+        let is_first = before.is_none();
+        let before = before.map_or(0, |array| array.shape[0]);
+        if is_first {
+            self.append(name, 1, &[], &[0u64]);
+        }
+        self.append(name, 1, &[], &[(before + contacts) as u64]);
+    }
+
+    fn append_wall_contacts(&mut self, run: &ExportedRun, frame: &ExportedFrame) {
+        let (form, records) = (run.file.form(), &frame.records);
+        let contacts = &records.wall_contacts;
+        self.append_offset("wall_contact_offset", "wall_contact_grain", contacts.len());
+        let count = contacts.len();
+        let grains: Vec<u32> = contacts.iter().map(|c| c.i).collect();
+        self.append("wall_contact_grain", count, &[], &grains);
+        let walls = contacts.iter().map(|c| c.wall(records.grains.len()));
+        let walls: Vec<u8> = walls.map(|wall| wall.unwrap_or_default() as u8).collect();
+        self.append("wall_contact_wall", count, &[], &walls);
+        let points = contacts.iter().flat_map(|c| run.wall_point(frame, c));
+        let points: Vec<f64> = points.collect();
+        self.append("wall_contact_point", count, &[3], &points);
+        let on_grains = contacts
+            .iter()
+            .flat_map(|c| forces::vectors(records, c).force);
+        let on_grains: Vec<f64> = on_grains.collect();
+        self.append("wall_contact_force", count, &[3], &on_grains);
+        for quantity in of_contacts(form) {
+            let values: Vec<f64> = (contacts.iter())
+                .flat_map(|contact| quantity.values(form, contact))
+                .collect();
+            let name = format!("wall_contact_{}", quantity.column);
+            let width = quantity.width(form);
+            let shape = if width == 1 { &[][..] } else { &[width] };
+            self.append(&name, count, shape, &values);
+        }
     }
 
     fn write(&self, part: &mut PartFile) -> Result<(), Box<dyn Error>> {
@@ -193,15 +236,7 @@ impl FrameWriter for NpzWriter {
             self.append(name, 1, &shape[..axes], values);
         }
         let contacts = &records.contacts;
-        // Row of the first contact of each frame, and after the last.
-        let mut arrays = self.arrays.iter();
-        let before = arrays.find(|array| array.name == "contact_pair");
-        let before = before.map_or(0, |array| array.shape[0]);
-        if is_first {
-            self.append("contact_offset", 1, &[], &[0u64]);
-        }
-        let offset = (before + contacts.len()) as u64;
-        self.append("contact_offset", 1, &[], &[offset]);
+        self.append_offset("contact_offset", "contact_pair", contacts.len());
         let pairs: Vec<u32> = contacts.iter().flat_map(|c| [c.i, c.j]).collect();
         self.append("contact_pair", contacts.len(), &[2], &pairs);
         let form = run.file.form();
@@ -213,6 +248,9 @@ impl FrameWriter for NpzWriter {
                 .collect();
             let name = format!("contact_{}", quantity.column);
             self.append(&name, contacts.len(), shape, &values);
+        }
+        if form.walls {
+            self.append_wall_contacts(run, frame);
         }
         Ok(())
     }

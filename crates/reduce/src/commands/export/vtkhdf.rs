@@ -3,7 +3,8 @@
 //!
 //! A contact across a periodic boundary would be a line through the whole sample. It ends at an
 //! image of its second grain instead, a point without a vertex at the end of the points of the
-//! frame, with the data of its grain.
+//! frame, with the data of its grain. So does one with a flat wall at a point of that, with the
+//! data of its only grain.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -140,9 +141,18 @@ impl VtkWriter {
             // Of vertices nothing is known.
             let none = std::iter::repeat_n(f64::NAN, frame.present.len() * width);
             let contacts = frame.records.contacts.iter();
+            let contacts = contacts.chain(&frame.records.wall_contacts);
             let values = none.chain(contacts.flat_map(|contact| quantity.values(form, contact)));
             let values: Vec<f64> = values.collect();
             self.append_data("CellData", quantity.column.name, width, &values)?;
+        }
+        if form.walls {
+            let records = &frame.records;
+            let none = std::iter::repeat_n(f64::NAN, frame.present.len());
+            let contacts = records.contacts.iter().chain(&records.wall_contacts);
+            let walls = contacts.map(|c| c.wall(records.grains.len()).unwrap_or_default().into());
+            let walls: Vec<f64> = none.chain(walls).collect();
+            self.append_data("CellData", "wall", 1, &walls)?;
         }
         Ok(())
     }
@@ -164,8 +174,8 @@ impl VtkWriter {
         Ok(())
     }
 
-    /// Appends points and cells. Returns the grain of every point: the grains, then images at the
-    /// ends of contacts.
+    /// Appends points and cells. Returns the grain of every point: the grains, then images and
+    /// points of flat walls at the ends of contacts.
     fn append_geometry(
         &mut self,
         run: &ExportedRun,
@@ -192,6 +202,11 @@ impl VtkWriter {
                 point_of[contact.j as usize]
             };
             lines.extend([point_of[contact.i as usize] as i64, end as i64]);
+        }
+        for contact in &frame.records.wall_contacts {
+            lines.extend([point_of[contact.i as usize], point_grains.len()].map(|n| n as i64));
+            point_grains.push(contact.i as usize);
+            points.extend(run.wall_point(frame, contact));
         }
         self.append_step("NumberOfPoints", &[point_grains.len() as i64])?;
         self.append("Points", 3, &points)?;
