@@ -15,6 +15,7 @@ mod branches;
 mod checkpoint;
 #[path = "../common/mod.rs"]
 mod common;
+mod compressed_runs;
 mod config;
 mod contracts;
 mod contracts_of_boxes;

@@ -96,10 +96,19 @@ impl StageEstimate {
 pub(crate) struct FileEstimate {
     /// Name.
     pub name: &'static str,
-    /// Bytes.
+    /// Bytes until the end of the run.
     pub bytes: f64,
+    /// Bytes of a file that is compressed at the end.
+    pub compressed: Option<f64>,
     /// What it holds.
     pub content: String,
+}
+
+impl FileEstimate {
+    /// Bytes that the run leaves.
+    fn left(&self) -> f64 {
+        self.compressed.unwrap_or(self.bytes)
+    }
 }
 
 impl Estimate {
@@ -108,7 +117,13 @@ impl Estimate {
         let (scene, ranks) = (&task.scene, exchange.size());
         let header = task.saved().map(|saved| &saved.header);
         let last = stop_at.unwrap_or(u64::MAX);
-        let Parts { stages, files, .. } = Parts::of(scene, header, last);
+        let Parts {
+            stages, mut files, ..
+        } = Parts::of(scene, header, last);
+        if stop_at.is_some() {
+            // It is compressed when the run has ended.
+            files.iter_mut().for_each(|file| file.compressed = None);
+        }
         let writes = stages.iter().any(|stage| stage.output.0 > 0.0);
         let frame = if writes { frame_bytes(scene) } else { 0.0 };
         Self {
@@ -164,7 +179,7 @@ impl Estimate {
         self.speed.map(|_| times.sum())
     }
 
-    /// Bytes of all files.
+    /// Bytes of all files until the end, when some are compressed.
     pub fn disk(&self) -> f64 {
         self.files.iter().map(|file| file.bytes).sum()
     }
@@ -196,12 +211,23 @@ impl Estimate {
         });
         text += &line("time", &times.collect::<Vec<_>>().join(", "));
         text += &line("memory", &format!("about {} per rank", bytes(self.memory)));
-        text += &line("disk", &format!("about {}", bytes(self.disk())));
+        let at_the_end: f64 = self.files.iter().map(FileEstimate::left).sum();
+        let disk = sizes(at_the_end, self.disk());
+        text += &line("disk", &format!("about {disk}"));
         for file in &self.files {
-            let size = bytes(file.bytes);
+            let size = sizes(file.left(), file.bytes);
             text += &line("", &format!("{} {size} ({})", file.name, file.content));
         }
         text
+    }
+}
+
+/// The size of what a run leaves, and that before its end if it is another one.
+fn sizes(left: f64, before: f64) -> String {
+    if left < before {
+        format!("{}, {} until the end", bytes(left), bytes(before))
+    } else {
+        bytes(before)
     }
 }
 
@@ -269,6 +295,7 @@ fn form(scene: &Scene) -> FrameFormat {
     FrameFormat {
         removed: scene.removes(),
         walls: scene.flat_walls().is_some(),
+        histories: scene.writes_histories(),
         ..FrameFormat::new(scene.dimension.axes(), torques)
     }
 }
@@ -335,6 +362,7 @@ fn file_of(
     FileEstimate {
         name,
         bytes: content.bytes(),
+        compressed: scene.compresses().then(|| content.compressed_bytes()),
         content: format!("{frames} frames, {rows} rows"),
     }
 }
@@ -436,6 +464,7 @@ impl<'a> Parts<'a> {
         let log = FileEstimate {
             name: LOG_FILE,
             bytes: NUMBER * (columns + 1) as f64 * counts.rows as f64,
+            compressed: None,
             content: format!("{} rows", counts.rows),
         };
         self.files.extend([run, log]);
@@ -555,6 +584,7 @@ fn checkpoints(scene: &Scene, count: u64) -> FileEstimate {
     FileEstimate {
         name: "checkpoints",
         bytes: one * count as f64,
+        compressed: None,
         content: format!("{count} of {}", bytes(one)),
     }
 }

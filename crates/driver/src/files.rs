@@ -449,6 +449,7 @@ fn create<D: Dimension>(
         form: FrameFormat {
             removed: scene.removes(),
             walls: scene.flat_walls().is_some(),
+            histories: scene.writes_histories() || run.options.replay.is_some(),
             ..FrameFormat::new(D::AXES, layout.has_torques)
         },
         boundary: scene.boundary(),

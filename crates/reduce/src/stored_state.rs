@@ -80,6 +80,12 @@ impl StoredState {
             }
         };
         let name = format!("{} (its scene)", run.path().display());
+        if !run.form().histories {
+            return Err(Failure::input(format!(
+                "{}: K needs the histories of contacts, which output.histories = false left out of its frames; give a checkpoint, or a replay (gshear-reduce replay)",
+                run.path().display()
+            )));
+        }
         let source = Source::new(&name, run.scene().to_string());
         let packing = &mut |_: &Path, how| Ok(packing_of(run, how));
         let scene = gshear_scene::load_with(&source, &[], packing)?;

@@ -35,6 +35,11 @@ table! {
         /// record the temperatures of the fluctuations in the time series; these columns begin
         /// with a file, so at a resume only in another folder (`--out`)
         temperatures: Flag { default: "false" },
+        /// write the histories of contacts into frames, a quarter of them: `gshear-reduce spectrum`
+        /// and `stability` of frames need them; replays have them all the same
+        histories: Flag { default: "true" },
+        /// compress `run.h5` when the run has ended, to about 60 %; all that reads HDF5 reads it
+        compress: Flag { default: "true" },
     }
 }
 
@@ -56,6 +61,7 @@ table! {
 
 /// Intervals of output as Δγ, and as rows in each part of a protocol; 0 is never.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a key")]
 pub struct Output {
     /// Δγ between frames.
     pub frame_strain: f64,
@@ -75,6 +81,10 @@ pub struct Output {
     pub energy: bool,
     /// Whether the temperatures of the fluctuations are recorded.
     pub temperatures: bool,
+    /// Whether frames have the histories of contacts.
+    pub histories: bool,
+    /// Whether `run.h5` is compressed at the end.
+    pub compress: bool,
 }
 
 impl Output {
@@ -127,6 +137,8 @@ pub(crate) fn check(c: &mut Checker<'_>, protocol: bool) -> Output {
         progress_lines: c.count(&keys.progress_lines),
         energy: c.flag_or_default(&keys.energy),
         temperatures: c.flag_or_default(&keys.temperatures),
+        histories: c.flag_or_default(&keys.histories),
+        compress: c.flag_or_default(&keys.compress),
     }
 }
 

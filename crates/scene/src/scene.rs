@@ -89,6 +89,16 @@ impl Scene {
         self.shear().is_some_and(|shear| shear.removes)
     }
 
+    /// Whether frames have the histories of contacts.
+    pub fn writes_histories(&self) -> bool {
+        self.shear().is_none_or(|shear| shear.output.histories)
+    }
+
+    /// Whether `run.h5` is compressed when the run has ended.
+    pub fn compresses(&self) -> bool {
+        self.shear().is_none_or(|shear| shear.output.compress)
+    }
+
     /// The shear; messages call the scene `name`.
     ///
     /// # Errors

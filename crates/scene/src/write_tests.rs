@@ -53,6 +53,8 @@ fn every_choice_reads_back_as_the_same_scene() {
         "bookkeeping.band_grains=300 bookkeeping.steps_at_once=3",
         "output.frame_strain=0 output.frame_start=0.01",
         "output.temperatures=true",
+        "output.histories=false",
+        "output.compress=false",
         "analysis.scalars=true analysis.start=0.02",
         "analysis.scalars=true analysis.strain=7e-5 output.frame_strain=0",
         "sample.radius_min=0.1 sample.radius_max=0.30000000000000004 sample.length=9.3

@@ -27,18 +27,30 @@ pub struct CheckedFile {
 }
 
 /// What is open in HDF5. Unless it is closed it stays open: HDF5 would try to write its buffers.
-struct OpenFile {
+pub(crate) struct OpenFile {
     /// `None` if it was closed.
     file: Option<File>,
     datasets: Vec<Dataset>,
 }
 
 impl OpenFile {
-    fn file(&self) -> &File {
+    pub fn new(file: File) -> Self {
+        Self {
+            file: Some(file),
+            datasets: Vec::new(),
+        }
+    }
+
+    /// Keeps a dataset open until the file is flushed.
+    pub fn keep(&mut self, dataset: Dataset) {
+        self.datasets.push(dataset);
+    }
+
+    pub fn file(&self) -> &File {
         self.file.as_ref().expect("only closing takes it")
     }
 
-    fn close(mut self) -> hdf5::Result<()> {
+    pub fn close(mut self) -> hdf5::Result<()> {
         // While the datasets are open, so that no error is lost.
         self.file().flush()?;
         self.datasets.clear();
@@ -66,10 +78,7 @@ impl CheckedFile {
         // Before format 1.10 the index of the pieces of a dataset has no checksum.
         options.with_fapl(|access| access.libver_v110());
         let file = part.checked(options.create(part.part()))?;
-        let open = OpenFile {
-            file: Some(file),
-            datasets: Vec::new(),
-        };
+        let open = OpenFile::new(file);
         Ok(Self { open, part })
     }
 
@@ -83,7 +92,7 @@ impl CheckedFile {
 
     /// Keeps a dataset open until the file is flushed.
     fn kept(&mut self, dataset: Dataset) -> Dataset {
-        self.open.datasets.push(dataset.clone());
+        self.open.keep(dataset.clone());
         dataset
     }
 

@@ -196,6 +196,18 @@ pub fn take_lists<'m, A: Pod, B: Pod>(
     (records_of(a), records_of(b))
 }
 
+/// Appends bytes, and before them their number.
+pub(crate) fn put_bytes(message: &mut Vec<u8>, bytes: &[u8]) {
+    message.extend_from_slice(bytemuck::bytes_of(&(bytes.len() as u64)));
+    message.extend_from_slice(bytes);
+}
+
+/// Splits off the next bytes from a message that [`put_bytes`] made.
+pub(crate) fn take_bytes<'m>(rest: &mut &'m [u8]) -> &'m [u8] {
+    let length: u64 = bytemuck::pod_read_unaligned(take(rest, size_of::<u64>()));
+    take(rest, length as usize)
+}
+
 /// Splits off so many bytes.
 fn take<'m>(rest: &mut &'m [u8], length: usize) -> &'m [u8] {
     let (bytes, later) = rest.split_at(length);

@@ -59,6 +59,8 @@ pub struct FrameFormat {
     pub removed: bool,
     /// Whether there are contacts with flat walls: files of earlier versions leave them out.
     pub walls: bool,
+    /// Whether contacts have their histories, which K of a frame needs.
+    pub histories: bool,
 }
 
 impl FrameFormat {
@@ -71,20 +73,22 @@ impl FrameFormat {
             idle: true,
             removed: false,
             walls: false,
+            histories: true,
         }
     }
 }
 
-/// The unit is that of the law's history.
+/// Only files with [`FrameFormat::histories`] have these three. The unit is that of the law's
+/// history.
 pub(crate) const TANGENTIAL_HISTORY: Column =
     Column::new("tangential_history", "N", "history of F_t");
 const ROLLING_HISTORY: Column = Column::new("rolling_history", "N m", "M^k");
-/// Only files of spheres that resist rolling or twisting have it.
-pub(crate) const TWISTING_HISTORY: Column = Column::new("twisting_history", "N m", "T");
+const TWISTING_HISTORY: Column = Column::new("twisting_history", "N m", "T");
 const OVERLAP: Column = Column::new("overlap", "m", "δ");
 const SLIDING: Column = Column::new("sliding", "1", "at its limit");
 const ROLLING: Column = Column::new("rolling", "1", "at its limit");
-const TWISTING: Column = Column::new("twisting", "1", "at its limit");
+/// Only files of spheres that resist rolling or twisting have it.
+pub(crate) const TWISTING: Column = Column::new("twisting", "1", "at its limit");
 /// Files of earlier versions do not have it.
 pub(crate) const IDLE: Column = Column::new("idle", "1", "spring and damper leave no force");
 
@@ -184,7 +188,9 @@ pub(crate) fn flags(form: FrameFormat) -> impl Iterator<Item = &'static ContactQ
 impl ContactQuantity {
     /// Number of its values.
     pub fn width(&self, form: FrameFormat) -> usize {
-        if self.column.name == IDLE.name && !form.idle {
+        let histories = [TANGENTIAL_HISTORY, ROLLING_HISTORY, TWISTING_HISTORY];
+        let is_history = histories.iter().any(|h| h.name == self.column.name);
+        if is_history && !form.histories || self.column.name == IDLE.name && !form.idle {
             return 0;
         }
         match (form.axes, form.torques) {

@@ -1,6 +1,6 @@
 //! A `run.h5` that a resumed run finds: what it holds, whether it can be continued, and its repair.
 
-use super::contact_quantities::{ContactTable, FrameFormat, IDLE, TWISTING_HISTORY};
+use super::contact_quantities::{ContactTable, FrameFormat, IDLE, TANGENTIAL_HISTORY, TWISTING};
 use super::disk;
 use super::h5::{self, Attribute};
 use super::journal::{self, Journal};
@@ -230,8 +230,9 @@ fn continued(
     let spin = file.dataset(&format!("{PARTICLES}/angular_velocity/value"))?;
     let form = FrameFormat {
         axes: spin.ndim(),
-        torques: file.link_exists(&contact_dataset(TWISTING_HISTORY)),
+        torques: file.link_exists(&contact_dataset(TWISTING)),
         idle: file.link_exists(&contact_dataset(IDLE)),
+        histories: file.link_exists(&contact_dataset(TANGENTIAL_HISTORY)),
         removed: file.link_exists(&grain_dataset(&REMOVED.column)),
         walls: file.link_exists(ContactTable::Walls.group()),
     };

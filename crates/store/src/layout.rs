@@ -168,6 +168,19 @@ fn grain_chunk(grains: usize, width: usize) -> [usize; 2] {
     [frames, grains.min(CHUNK_BYTES / (8 * width))]
 }
 
+/// Bytes of a value of a compressed file, about (docs/validation/speed.md, "Size and speed of
+/// files").
+fn compressed_bytes(kind: Kind) -> f64 {
+    match kind {
+        Kind::Number => 6.8,
+        Kind::Image => 0.05,
+        Kind::Id => 0.2,
+        Kind::Flag => 0.1,
+    }
+}
+
+/// Bytes of radius, mass, id and body of a grain.
+const CONSTANTS_BYTES: f64 = 21.0;
 /// Bytes of objects and attributes of a file, about.
 const METADATA_BYTES: f64 = 100e3;
 
@@ -189,7 +202,26 @@ pub struct FileContent {
 }
 
 impl FileContent {
-    /// Bytes of the file: whole chunks of every dataset.
+    /// Bytes of the file when it is compressed.
+    pub fn compressed_bytes(&self) -> f64 {
+        let mut of_frame = 0.0;
+        for quantity in of_grain(self.form) {
+            // z of disks takes nothing.
+            let values = quantity.width.min(self.form.axes);
+            of_frame += (self.grains * values) as f64 * compressed_bytes(quantity.kind);
+        }
+        for quantity in of_contact(ContactTable::Grains, self.form) {
+            let values = self.contacts * quantity.width as f64;
+            of_frame += values * compressed_bytes(quantity.kind);
+        }
+        let row = compressed_bytes(Kind::Number) * (self.columns + 3) as f64;
+        METADATA_BYTES
+            + CONSTANTS_BYTES * self.grains as f64
+            + self.frames as f64 * of_frame
+            + self.rows as f64 * row
+    }
+
+    /// Bytes of the file while the run writes: whole chunks of every dataset.
     pub fn bytes(&self) -> f64 {
         let frames = self.frames as f64;
         let mut numbers = 0.0;
@@ -201,8 +233,7 @@ impl FileContent {
         let chunk = contact_chunk(ContactTable::Grains, self.grains);
         let contacts = whole_chunks(frames * self.contacts, chunk);
         let [_, contact] = frame_bytes(self.form);
-        // Radius, mass, id, body.
-        let constant = 21.0 * self.grains as f64;
+        let constant = CONSTANTS_BYTES * self.grains as f64;
         let series = whole_chunks(self.rows as f64, CHUNK_ROWS) * 8.0 * (self.columns + 3) as f64;
         METADATA_BYTES + constant + numbers + contacts * contact as f64 + series
     }

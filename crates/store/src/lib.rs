@@ -48,6 +48,7 @@ pub mod checked;
 pub mod checkpoint;
 pub mod checksums;
 pub mod collective;
+pub mod compression;
 pub mod contact_quantities;
 pub mod csv_table;
 pub mod dictionary;

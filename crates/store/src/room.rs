@@ -4,7 +4,7 @@
 //! rank reserves the room beforehand, with a plain system call whose error is reliable.
 
 use std::fs::File;
-use std::io::ErrorKind;
+use std::io::{self, ErrorKind};
 use std::path::Path;
 
 use gshear_dem::failure::{Failure, Result};
@@ -19,25 +19,8 @@ use rustix::io::Errno;
 /// # Errors
 /// [`Failure::Other`] if there is no room, or the file cannot be opened.
 pub(crate) fn reserve(path: &Path, start: u64, end: u64) -> Result<()> {
-    if end <= start {
-        return Ok(());
-    }
-    let needed = end - start;
-    let reserved = File::options().write(true).open(path).and_then(|file| {
-        match fallocate(&file, FallocateFlags::KEEP_SIZE, start, needed) {
-            Err(Errno::OPNOTSUPP | Errno::NOSYS) => {
-                let system = fstatvfs(&file)?;
-                if system.f_bavail.saturating_mul(system.f_frsize) >= needed {
-                    Ok(())
-                } else {
-                    Err(Errno::NOSPC.into())
-                }
-            }
-            other => Ok(other?),
-        }
-    });
-    reserved.map_err(|e| {
-        let name = path.display();
+    allocate(path, start, end).map_err(|e| {
+        let (name, needed) = (path.display(), end - start);
         Failure::other(match e.kind() {
             ErrorKind::NotFound => format!(
                 "{name}: was removed during the run; resume from the last checkpoint, or start again"
@@ -48,6 +31,29 @@ pub(crate) fn reserve(path: &Path, start: u64, end: u64) -> Result<()> {
             ),
         })
     })
+}
+
+/// [`reserve`], with the error of the system.
+///
+/// # Errors
+/// No room, or a file that cannot be opened.
+pub(crate) fn allocate(path: &Path, start: u64, end: u64) -> io::Result<()> {
+    if end <= start {
+        return Ok(());
+    }
+    let needed = end - start;
+    let file = File::options().write(true).open(path)?;
+    match fallocate(&file, FallocateFlags::KEEP_SIZE, start, needed) {
+        Err(Errno::OPNOTSUPP | Errno::NOSYS) => {
+            let system = fstatvfs(&file)?;
+            if system.f_bavail.saturating_mul(system.f_frsize) >= needed {
+                Ok(())
+            } else {
+                Err(Errno::NOSPC.into())
+            }
+        }
+        other => Ok(other?),
+    }
 }
 
 #[cfg(test)]

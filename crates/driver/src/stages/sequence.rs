@@ -3,6 +3,8 @@
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::laws::LawSpace;
 use gshear_scene::RunStage;
+use gshear_store::compression;
+use gshear_store::file_names::RUN_FILE;
 
 use super::{quasi_static, shearing};
 use crate::header::Header;
@@ -26,6 +28,7 @@ pub(crate) fn run<D: LawSpace>(run: &mut Run<'_>, start: Start) -> Result<Outcom
         let left = match end {
             StageEnd::Stopped => return Ok(Outcome::Stopped),
             StageEnd::Last => {
+                compress(run);
                 run.terminal.go_on(&run.options.out);
                 return Ok(Outcome::Done);
             }
@@ -41,6 +44,18 @@ pub(crate) fn run<D: LawSpace>(run: &mut Run<'_>, start: Start) -> Result<Outcom
             run.enter_cell(left.cell.lengths::<D>());
         }
         start = Start::StageBefore(left);
+    }
+}
+
+/// Compresses the file of a run that has ended, if the scene wants it. It is as good without.
+fn compress(run: &Run<'_>) {
+    if !run.scene.compresses() {
+        return;
+    }
+    let path = run.options.out.join(RUN_FILE);
+    if let Err(failure) = compression::compress(run.exchange, &path) {
+        run.terminal
+            .warn(format!("{RUN_FILE} is whole but not compressed: {failure}"));
     }
 }
 

@@ -314,6 +314,8 @@ fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldCompari
     let form = FrameFormat {
         // Files of earlier versions leave them out.
         walls: a.form().walls && b.form().walls,
+        // Without them the other run has nothing to compare.
+        histories: a.form().histories && b.form().histories,
         ..b.form()
     };
     let mut fields = FrameComparison::new(form);

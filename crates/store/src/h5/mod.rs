@@ -8,8 +8,8 @@ use gshear_mpi_exchange::{LoneFailure, Parallel};
 use hdf5::types::TypeDescriptor;
 use hdf5::types::{FixedAscii, FixedUnicode, VarLenUnicode};
 use hdf5::{H5Type, Hyperslab, Location, SliceOrIndex};
-use hdf5_sys::h5f;
 use hdf5_sys::h5i::hid_t;
+use hdf5_sys::{h5d, h5f, h5p};
 use ndarray::ArrayViewD;
 use serde::{Deserialize, Serialize};
 
@@ -68,7 +68,7 @@ attributes_from!(&str => Text, String => Text, f64 => Number, u64 => Count, Vec<
 pub(crate) type Word = FixedAscii<32>;
 
 /// Bytes of a name.
-const NAME: usize = 128;
+pub(crate) const NAME: usize = 128;
 
 /// Bytes of metadata that a batch may add.
 const METADATA_BYTES: u64 = 256 << 10;
@@ -497,6 +497,31 @@ fn for_mpi(path: &Path, parallel: bool) -> Cow<'_, Path> {
         Some(name) if parallel && name.contains(':') => PathBuf::from(format!("ufs:{name}")).into(),
         _ => path.into(),
     }
+}
+
+/// Writes a chunk as the file is to have it, from a place in the dataset on that has an entry for
+/// each dimension.
+pub(crate) fn write_chunk(
+    dataset: &hdf5::Dataset,
+    place: &[u64],
+    bytes: &[u8],
+) -> hdf5::Result<()> {
+    assert_eq!(place.len(), dataset.ndim(), "{}", dataset.name());
+    hdf5::sync::sync(|| {
+        // SAFETY: the dataset is open; `place` has an entry for each of its dimensions, and there
+        // are as many bytes as the length says.
+        let status = unsafe {
+            h5d::H5Dwrite_chunk(
+                dataset.id(),
+                h5p::H5P_DEFAULT,
+                0,
+                place.as_ptr(),
+                bytes.len(),
+                bytes.as_ptr().cast(),
+            )
+        };
+        hdf5::h5check(status).map(drop)
+    })
 }
 
 /// Looks up every object of a file and every piece of its data, without reading the data.

@@ -22,7 +22,7 @@ pub use self::owner::{Owner, owner};
 use self::verify::FrameSums;
 use crate::box_columns::{AqsRow, NewtonianRow, StrainProtocolRow, strain_columns};
 use crate::checksums;
-use crate::contact_quantities::{IDLE, TWISTING_HISTORY};
+use crate::contact_quantities::{IDLE, TANGENTIAL_HISTORY, TWISTING};
 use crate::file_names::{RUN_FILE, folder_of};
 use crate::layout::{
     ContactTable, FrameFormat, IMAGE, OBSERVABLES, PARTICLES, REMOVED, contact_dataset, elements,
@@ -284,11 +284,12 @@ impl RunFile {
         };
         let series = source.table(place, columns, finished)?;
         let scalars = source.scalars(finished)?;
-        let torques = source.exists(&contact_dataset(TWISTING_HISTORY));
+        let torques = source.exists(&contact_dataset(TWISTING));
         let form = FrameFormat {
             axes: dimension.axes(),
             torques,
             idle: source.exists(&contact_dataset(IDLE)),
+            histories: source.exists(&contact_dataset(TANGENTIAL_HISTORY)),
             removed: source.exists(&grain_dataset(&REMOVED.column)),
             walls: source.exists(ContactTable::Walls.group()),
         };

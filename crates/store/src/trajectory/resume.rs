@@ -2,6 +2,7 @@
 
 use super::{AT_THE_END, RunHeader, TrajectoryWriter, seal, write_journal};
 use crate::collective::{CollectiveOutcome, IdBlocks, agree, told_by_root};
+use crate::compression;
 use crate::existing::inspect;
 use crate::h5::H5File;
 use crate::layout::{Datasets, OpenMode, PARAMETERS};
@@ -27,7 +28,11 @@ impl TrajectoryWriter {
         let _waiting = exchange.waiting();
         // Only one rank inspects the file: after a failure in a collective call the others could
         // wait for ever.
-        let existing = told_by_root(exchange, || inspect(path, series, frames, rows))?;
+        let existing = told_by_root(exchange, || {
+            let existing = inspect(path, series, frames, rows)?;
+            compression::expand(path)?;
+            Ok(existing)
+        })?;
 
         let blocks = IdBlocks::of(exchange, existing.grains);
         let part = Part::of(path);
