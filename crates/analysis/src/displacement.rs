@@ -301,6 +301,7 @@ mod tests {
             time: 0.0,
             grains: places.iter().map(grain).collect(),
             contacts: Vec::new(),
+            wall_contacts: Vec::new(),
         }
     }
 }
