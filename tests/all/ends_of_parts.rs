@@ -212,8 +212,8 @@ fn of_disks_without_walls() {
     let parts = [
         Part {
             imposed: "velocity = 3",
-            time: 1e-6,
-            until: &[("until_slip", 1.2e-6)],
+            time: 4e-7,
+            until: &[("until_slip", 5e-7)],
         },
         Part {
             imposed: "velocity = -3, pressure = 7e5",

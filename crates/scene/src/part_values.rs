@@ -4,6 +4,7 @@ use gshear_dem::laws::keys::{Key, Values};
 
 use crate::table::Table;
 use crate::value::refusal;
+use crate::words::show;
 
 /// Which keys of a part go together.
 pub(crate) struct PartRules {
@@ -26,6 +27,21 @@ impl PartValues<'_> {
 
     pub fn has(&self, key: &Key) -> bool {
         self.value(key).is_some()
+    }
+
+    /// A value that must be a whole number.
+    ///
+    /// # Errors
+    /// What was found instead.
+    pub fn whole(&self, key: &Key) -> Result<Option<u64>, String> {
+        match self.value(key) {
+            Some(x) if x.fract() != 0.0 => Err(format!(
+                "{} must be a whole number, found {}",
+                key.path,
+                show(x)
+            )),
+            value => Ok(value.map(|x| x as u64)),
+        }
     }
 
     /// Refuses values out of range, and keys that do not go together.

@@ -25,7 +25,7 @@ const LOOKS: Bounds = Bounds {
     to: Bound::Included(1e9),
 };
 /// How often it is, if nothing is said.
-const USUAL_LOOKS: f64 = 1000.0;
+const USUAL_LOOKS: u64 = 1000;
 
 table! {
     /// The shear.
@@ -430,14 +430,6 @@ impl PartValues<'_> {
         if !CONDITIONS.iter().any(|key| self.has(key)) {
             return Ok(None);
         }
-        let looks = self.value(&PART.until_looks).unwrap_or(USUAL_LOOKS);
-        if looks.fract() != 0.0 {
-            return Err(format!(
-                "{} must be a whole number, found {}",
-                PART.until_looks.path,
-                show(looks)
-            ));
-        }
         Ok(Some(Until {
             stress_ratio_below: self.value(&PART.until_stress_ratio_below),
             stress_ratio_above: self.value(&PART.until_stress_ratio_above),
@@ -445,7 +437,7 @@ impl PartValues<'_> {
             slip_rate_below: self.value(&PART.until_slip_rate_below),
             slip_rate_above: self.value(&PART.until_slip_rate_above),
             slip: self.value(&PART.until_slip),
-            looks: looks as u64,
+            looks: self.whole(&PART.until_looks)?.unwrap_or(USUAL_LOOKS),
         }))
     }
 

@@ -264,18 +264,6 @@ impl PartValues<'_> {
         })
     }
 
-    /// A value that must be a whole number.
-    fn whole(&self, key: &Key) -> Result<Option<u64>, String> {
-        match self.value(key) {
-            Some(x) if x.fract() != 0.0 => Err(format!(
-                "{} must be a whole number, found {}",
-                key.path,
-                show(x)
-            )),
-            value => Ok(value.map(|x| x as u64)),
-        }
-    }
-
     /// Number of strain steps of a part whose greatest strain is this.
     fn steps(&self, greatest: f64, strain_step: f64) -> Result<u64, String> {
         let given = self.whole(&STRAIN_PART.steps)?;
