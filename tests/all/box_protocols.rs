@@ -1,5 +1,5 @@
-//! Protocols of strain steps through the real program: tests of a laboratory whose strains and
-//! stresses are known beforehand, or by another way to the same packing.
+//! Protocols of strain steps through the real program, against prescribed strains and stresses and
+//! against other deformations that reach the same packing.
 
 use std::path::Path;
 
@@ -153,7 +153,7 @@ fn an_undrained_test_keeps_the_volume() {
         );
         assert!((column("strain_zz")[row] - strain).abs() < 1e-14);
         assert!(column("volume_strain")[row].abs() < 1e-14);
-        // The way is that of the greatest strain.
+        // The accumulated strain is that of the axis with the greatest strain.
         assert!((column("strain")[row] - strain).abs() < 1e-14);
     }
     assert!(column("stress_zz")[4] > column("stress_zz")[0]);
@@ -223,7 +223,7 @@ fn stresses_follow_straight_lines() {
         let stress = column(name);
         for row in 1..=4 {
             let expected = stress[0] + (end - stress[0]) * row as f64 / 4.0;
-            // Each step starts anew on the way to the end.
+            // Each step aims from the present stress at the last one.
             near(stress[row], expected, 4.0 * tolerance);
         }
     }

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use crate::common::protocols::{Case, DISKS, DISKS_WITHOUT_WALLS, SPHERES_UNDER_A_SPRING};
-use crate::common::{Outcome, gshear_mpi, same_run};
+use crate::common::{Outcome, avx2, gshear_mpi, reducer, same_run, succeed};
 use gshear_store::run_reader::{Parameter, RunFile};
 
 /// A part, and the conditions that end it.
@@ -17,8 +17,8 @@ struct Part {
     until: &'static [(&'static str, f64)],
 }
 
-/// Looks in each part, and rows.
-const LOOKS: u64 = 40;
+/// Checks in each part, and rows.
+const CHECKS: u64 = 40;
 
 /// The options of a scene with a protocol of these parts.
 fn options(case: &Case, parts: &[String]) -> Vec<String> {
@@ -34,7 +34,12 @@ fn conditional(parts: &[Part]) -> Vec<String> {
         let until = part.until.iter();
         let until: String = until.map(|(key, x)| format!(", {key} = {x:e}")).collect();
         let Part { imposed, time, .. } = part;
-        format!("{{ {imposed}, time = {time:e}{until}, until_looks = {LOOKS} }}")
+        let checks = if until.is_empty() {
+            String::new()
+        } else {
+            format!(", until_checks = {CHECKS}")
+        };
+        format!("{{ {imposed}, time = {time:e}{until}{checks} }}")
     };
     parts.iter().map(text).collect()
 }
@@ -42,7 +47,7 @@ fn conditional(parts: &[Part]) -> Vec<String> {
 fn run(case: &Case, folder: &Path, ranks: usize, parts: &[String], more: &[&str]) -> Outcome {
     let mut arguments = vec![case.scene.to_string()];
     arguments.extend(options(case, parts));
-    arguments.push(format!("--set=output.series_rows={LOOKS}"));
+    arguments.push(format!("--set=output.series_rows={CHECKS}"));
     arguments.extend(more.iter().map(ToString::to_string));
     gshear_mpi(ranks, folder, &arguments)
 }
@@ -77,7 +82,7 @@ fn is_true(run: &RunFile, key: &str, limit: f64, rows: &[usize], row: usize) -> 
     }
 }
 
-/// Runs parts with conditions, of which so many end early.
+/// Runs parts with conditions. At least `early` of them end early.
 fn ends(case: &Case, parts: &[Part], early: usize) {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
@@ -127,8 +132,13 @@ fn ends(case: &Case, parts: &[Part], early: usize) {
     let of_durations = run(case, &at("planned"), 1, &planned, &[]);
     assert_eq!(of_durations.digest(), expected);
 
-    // Ranks, threads, and output; stops around the end of the first part, and within the others.
-    let quiet = ["--set=output.series_rows=0", "--set=output.energy=false"];
+    // Ranks, threads, instruction sets and output; stops around the end of the first part, and
+    // within the others.
+    let quiet = [
+        "--set=output.series_rows=0",
+        "--set=output.energy=false",
+        avx2(),
+    ];
     let quiet = run(case, &at("quiet"), 2, &protocol, &quiet);
     assert_eq!(quiet.digest(), expected, "2 ranks without rows");
     let threads = ["--threads=2", "--set=bookkeeping.rebuild_every=7"];
@@ -157,7 +167,7 @@ fn ends(case: &Case, parts: &[Part], early: usize) {
 #[test]
 fn of_disks() {
     let parts = [
-        // 0.3 m/s for 17 looks of 1e-8 s each.
+        // 0.3 m/s for 17 checks of 1e-8 s each.
         Part {
             imposed: "velocity = 0.3",
             time: 4e-7,
@@ -227,4 +237,48 @@ fn of_disks_without_walls() {
         },
     ];
     ends(&DISKS_WITHOUT_WALLS, &parts, 2);
+}
+
+/// A window over the end of a part is replayed with the same bits, from a checkpoint before it.
+#[test]
+fn an_end_is_replayed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let parts = [
+        Part {
+            imposed: "velocity = 3",
+            time: 5e-4,
+            until: &[("until_stress_ratio_above", 0.05)],
+        },
+        Part {
+            imposed: "velocity = 3, pressure = 1.1e5",
+            time: 4e-4,
+            until: &[("until_drop", 0.005)],
+        },
+        Part {
+            imposed: "velocity = 0, pressure = 1.1e5",
+            time: 1e-4,
+            until: &[],
+        },
+    ];
+    let case = SPHERES_UNDER_A_SPRING;
+    let kept = [
+        "--set=output.keep_checkpoints=true",
+        "--set=output.frame_rows=40",
+    ];
+    let at = folder.path().join("run");
+    run(&case, &at, 2, &conditional(&parts), &kept).digest();
+    let whole = RunFile::open(&at).expect("a run");
+    let begins = begins(&whole);
+    let series = whole.series();
+    // From the middle of the second part, which ends early, to the middle of the third.
+    let [from, to] = [1, 2].map(|n| {
+        let middle = begins[n] + (begins[n + 1] - begins[n]) / 2;
+        series.time[series.step.partition_point(|step| *step < middle)]
+    });
+    let mut replay = reducer();
+    replay.arg("replay").arg(&at);
+    replay.arg(format!("--time={from}..{to}"));
+    replay.arg("--out").arg(folder.path().join("again"));
+    let said = String::from_utf8(succeed(&mut replay).stdout).expect("text");
+    assert!(said.contains("to the last bit"), "{said}");
 }

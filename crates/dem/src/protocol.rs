@@ -231,8 +231,8 @@ impl From<Along> for Imposed {
 }
 
 impl Segment {
-    /// Begins where another one ends, in steps of Δt = `step` (s).
-    fn follow(&mut self, before: &Self, step: f64) {
+    /// Puts it after another one, in steps of Δt = `step` (s).
+    fn put_after(&mut self, before: &Self, step: f64) {
         self.first = before.first + before.steps;
         self.bottom = before.bottom(self.first);
         self.position = before.position(self.first, step);
@@ -315,7 +315,7 @@ impl Protocol {
                 bottom: 0.0,
             };
             if let Some(last) = segments.last() {
-                segment.follow(last, step);
+                segment.put_after(last, step);
             }
             segments.push(segment);
         }
@@ -332,7 +332,7 @@ impl Protocol {
         self.segments[segment].steps = steps;
         for next in segment + 1..self.segments.len() {
             let (before, after) = self.segments.split_at_mut(next);
-            after[0].follow(&before[next - 1], self.step);
+            after[0].put_after(&before[next - 1], self.step);
         }
     }
 

@@ -2,29 +2,29 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Conditions on the top, of which the first that is true ends the part. They are looked at in
-/// fixed steps, whatever is written.
+/// Conditions on the top. The first one that holds ends the part. They are checked at fixed steps,
+/// which do not depend on the output.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Until {
     /// τ is less than this.
     pub stress_ratio_below: Option<f64>,
     /// τ is more than this.
     pub stress_ratio_above: Option<f64>,
-    /// τ has fallen by this below its greatest value in the part.
+    /// τ has fallen by more than this below its greatest value in the part.
     pub drop: Option<f64>,
     /// The velocity along x (m/s) is less than this.
     pub slip_rate_below: Option<f64>,
     /// The velocity along x (m/s) is more than this.
     pub slip_rate_above: Option<f64>,
-    /// It has moved by this along x (m) since the part began, either way.
+    /// The distance along x (m) from where the part began is more than this.
     pub slip: Option<f64>,
-    /// How often they are looked at, evenly over the longest duration of the part.
-    pub looks: u64,
+    /// Number of checks, evenly over the longest duration of the part.
+    pub checks: u64,
 }
 
-/// What a look at the top finds.
+/// Stress ratio and motion of the top.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Look {
+pub struct TopState {
     /// τ = S/N; NaN while nothing touches the top.
     pub stress_ratio: f64,
     /// Displacement along x (m).
@@ -33,60 +33,62 @@ pub struct Look {
     pub slip_rate: f64,
 }
 
-/// What the looks at a part have found since it began.
+/// The checks of a part so far.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Watch {
+pub struct Checks {
     /// The number of the part, from 0.
     pub part: usize,
-    /// Displacement along x (m) when it began.
+    /// Displacement along x (m) at the first check.
     slip: f64,
     /// The greatest τ; `None` while nothing has touched the top.
     greatest: Option<f64>,
 }
 
-impl Watch {
-    /// Of a part that begins.
-    pub fn begin(part: usize, look: &Look) -> Self {
-        Self {
+impl Checks {
+    /// The first check of a part, which does not end it.
+    pub fn begin(part: usize, top: &TopState) -> Self {
+        let mut checks = Self {
             part,
-            slip: look.slip,
-            greatest: Some(look.stress_ratio).filter(|ratio| !ratio.is_nan()),
-        }
+            slip: top.slip,
+            greatest: None,
+        };
+        checks.note(top.stress_ratio);
+        checks
     }
 
-    /// Goes on with a look. Returns the condition that is true, in words.
-    pub fn look(&mut self, until: &Until, look: &Look) -> Option<String> {
-        let Look {
-            stress_ratio,
-            slip,
-            slip_rate,
-        } = *look;
+    /// Checks the conditions. Returns the first one that holds, in words.
+    pub fn check(&mut self, until: &Until, top: &TopState) -> Option<String> {
+        self.note(top.stress_ratio);
+        let drop = self.greatest.unwrap_or(f64::NAN) - top.stress_ratio;
+        let slip = (top.slip - self.slip).abs();
+        below("stress_ratio", top.stress_ratio, until.stress_ratio_below)
+            .or_else(|| above("stress_ratio", top.stress_ratio, until.stress_ratio_above))
+            .or_else(|| above("the drop of stress_ratio", drop, until.drop))
+            .or_else(|| below("slip_rate", top.slip_rate, until.slip_rate_below))
+            .or_else(|| above("slip_rate", top.slip_rate, until.slip_rate_above))
+            .or_else(|| above("the slip in the part", slip, until.slip))
+    }
+
+    /// Notes τ, if it is known.
+    fn note(&mut self, stress_ratio: f64) {
         if !stress_ratio.is_nan() {
             let greatest = self.greatest.unwrap_or(stress_ratio);
             self.greatest = Some(greatest.max(stress_ratio));
         }
-        let fallen = self.greatest.map_or(f64::NAN, |most| most - stress_ratio);
-        let slipped = (slip - self.slip).abs();
-        let conditions = [
-            (until.stress_ratio_below, stress_ratio, -1.0, "stress_ratio"),
-            (until.stress_ratio_above, stress_ratio, 1.0, "stress_ratio"),
-            (until.drop, fallen, 1.0, "stress_ratio has fallen by"),
-            (until.slip_rate_below, slip_rate, -1.0, "slip_rate"),
-            (until.slip_rate_above, slip_rate, 1.0, "slip_rate"),
-            (until.slip, slipped, 1.0, "the top has slipped by"),
-        ];
-        conditions
-            .into_iter()
-            .find_map(|(limit, value, sign, name)| {
-                let limit = limit?;
-                let is_met = sign * (value - limit) > 0.0;
-                is_met.then(|| {
-                    let side = if sign < 0.0 { "below" } else { "above" };
-                    format!("{name} {value:.6e}, {side} {limit:e}")
-                })
-            })
     }
+}
+
+/// Says that a value is below its limit, if it is.
+fn below(name: &str, value: f64, limit: Option<f64>) -> Option<String> {
+    let limit = limit?;
+    (value < limit).then(|| format!("{name} = {value:.6e} is below {limit:e}"))
+}
+
+/// Says that a value is above its limit, if it is.
+fn above(name: &str, value: f64, limit: Option<f64>) -> Option<String> {
+    let limit = limit?;
+    (value > limit).then(|| format!("{name} = {value:.6e} is above {limit:e}"))
 }
 
 #[cfg(test)]
@@ -100,26 +102,26 @@ mod tests {
         slip_rate_below: None,
         slip_rate_above: None,
         slip: None,
-        looks: 10,
+        checks: 10,
     };
 
-    fn at(stress_ratio: f64, slip: f64, slip_rate: f64) -> Look {
-        Look {
+    fn at(stress_ratio: f64, slip: f64, slip_rate: f64) -> TopState {
+        TopState {
             stress_ratio,
             slip,
             slip_rate,
         }
     }
 
-    /// The number of the look, from 1, at which a condition is true.
-    fn ends(until: Until, looks: &[Look]) -> Option<usize> {
-        let mut watch = Watch::begin(0, &looks[0]);
-        (1..looks.len()).find(|k| watch.look(&until, &looks[*k]).is_some())
+    /// The number of the check, from 1, at which a condition is true.
+    fn ends(until: Until, states: &[TopState]) -> Option<usize> {
+        let mut checks = Checks::begin(0, &states[0]);
+        (1..states.len()).find(|k| checks.check(&until, &states[*k]).is_some())
     }
 
     #[test]
     fn each_condition_ends_the_part() {
-        let looks = [
+        let states = [
             at(0.30, 1.0, 0.0),
             at(0.40, 1.1, 0.1),
             at(0.38, 1.2, 0.3),
@@ -196,7 +198,7 @@ mod tests {
             (NEVER, None),
         ];
         for (until, expected) in cases {
-            assert_eq!(ends(until, &looks), expected, "{until:?}");
+            assert_eq!(ends(until, &states), expected, "{until:?}");
         }
     }
 }

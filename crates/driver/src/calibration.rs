@@ -13,7 +13,7 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
 use gshear_dem::state::{Cell, GrainState, Sheared};
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{Deformation, Dimensions, Method, Sample, Scene, StrainPart};
+use gshear_scene::{Deformation, Dimensions, Method, Sample, Scene};
 
 use crate::estimate::{StrainStepTime, index};
 use crate::launch::Task;
@@ -284,12 +284,12 @@ fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<StrainStepTime>
         Deformation::Biaxial => RELAXATIONS[1],
         Deformation::Compression(_) => RELAXATIONS[2],
         Deformation::Protocol(parts) => {
-            let of_part = |part: &StrainPart| {
+            let mut all = 0.0;
+            for part in parts {
                 let is_controlled = part.controls().next().is_some();
-                part.steps as f64 * RELAXATIONS[usize::from(is_controlled)]
-            };
-            let steps = quasi_static.aqs.steps.max(1) as f64;
-            parts.iter().map(of_part).sum::<f64>() / steps
+                all += part.steps as f64 * RELAXATIONS[usize::from(is_controlled)];
+            }
+            all / quasi_static.aqs.steps.max(1) as f64
         }
     };
     let relaxation = FACTORISATIONS * relaxation;

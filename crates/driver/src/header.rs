@@ -11,7 +11,7 @@ use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Cell, Sheared, Snapshot};
-use gshear_dem::until::Watch;
+use gshear_dem::until::Checks;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Origin, PackingFile, RunStage, Sample, Scene, Source, Stages};
@@ -163,9 +163,9 @@ pub struct ShearHeader {
     /// The parts of the protocol that a condition has ended.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ends: Vec<PartEnd>,
-    /// What the looks at the part under way have found.
+    /// The checks of the present part so far.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub watch: Option<Watch>,
+    pub checks: Option<Checks>,
     /// Number of frames and rows in the files.
     pub written: Written,
     /// The energy budget, if the scene has one.
@@ -698,8 +698,8 @@ pub struct Beyond {
     pub pressure: Option<f64>,
 }
 
-/// The way to some stresses in a strain step: of each control the stress, and the strain of the
-/// axes that it moves. Without so many controls the last values are 0.
+/// The search for the lengths at which up to three stresses have their wanted values. Each array
+/// has a value for each stress; the rest is 0.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Correction {
@@ -711,13 +711,13 @@ pub struct Correction {
     pub total: [f64; 3],
     /// Those of the last correction.
     pub by: [f64; 3],
-    /// How the stresses fall with the logarithms.
+    /// By how much the stresses fall with the logarithms of the lengths.
     pub moduli: Moduli,
     /// The stresses before the last correction, less the wanted ones; `None` before the first.
     pub excess: Option<[f64; 3]>,
 }
 
-/// How stresses fall with the logarithms of lengths, a row for each stress.
+/// Moduli: by how much stresses fall with the logarithms of lengths, a row for each stress.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Moduli(pub [[f64; 3]; 3]);
@@ -729,15 +729,16 @@ pub struct Stretched {
     pub lengths: [f64; 3],
     /// Those before the first strain step.
     pub initial: [f64; 3],
-    /// Sum over the strain steps of the greatest change of γ or of the logarithm of a length.
+    /// Of a protocol the sum over the strain steps of the greatest change of γ or of the logarithm
+    /// of a length.
     #[serde(default, skip_serializing_if = "is_zero")]
-    pub path: f64,
-    /// How the last strain step came to its stresses.
+    pub accumulated_strain: f64,
+    /// The result of the search for stresses in the last strain step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub corrected: Option<Corrected>,
 }
 
-/// How a strain step came to its stresses.
+/// The result of a search for stresses.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Corrected {
@@ -759,7 +760,7 @@ impl Stretched {
         Self {
             lengths,
             initial: lengths,
-            path: 0.0,
+            accumulated_strain: 0.0,
             corrected: None,
         }
     }

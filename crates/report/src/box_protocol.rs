@@ -1,5 +1,5 @@
-//! Figures of a protocol of strain steps: its strains over its way, stresses and volume over the
-//! strain, and the path of the stresses.
+//! Figures of a protocol of strain steps: strains over the accumulated strain, stress and volume
+//! over the strain, and the stress path.
 
 use gshear_store::run_reader::{RunFile, Series};
 
@@ -32,7 +32,12 @@ pub fn strain(run: &RunFile) -> &[f64] {
 }
 
 /// Draws the figures. `stress`: what works on the strain, with its label.
-pub fn figures(run: &RunFile, way: &Axis, label: &str, stress: &[f64]) -> Vec<ReportFigure> {
+pub fn figures(
+    run: &RunFile,
+    accumulated: &Axis,
+    label: &str,
+    stress: &[f64],
+) -> Vec<ReportFigure> {
     let series = run.series();
     let (column, name) = worked_on(run);
     let of_strain = Axis {
@@ -70,7 +75,7 @@ pub fn figures(run: &RunFile, way: &Axis, label: &str, stress: &[f64]) -> Vec<Re
             &of_pressure,
             MeasuredCurve {
                 name: "stress-path",
-                caption: "Path of the stresses.".into(),
+                caption: "Stress path.".into(),
                 label,
                 column: "conjugate_stress",
                 values: stress,
@@ -81,21 +86,21 @@ pub fn figures(run: &RunFile, way: &Axis, label: &str, stress: &[f64]) -> Vec<Re
     let mut figures: Vec<_> = curves
         .filter_map(|(axis, curve)| curve.drawn(axis, series))
         .collect();
-    figures.extend(strains(series, way));
+    figures.extend(strains(series, accumulated));
     figures
 }
 
-/// All strains over the way.
-fn strains(series: &Series, way: &Axis) -> Option<ReportFigure> {
+/// All strains over the accumulated one.
+fn strains(series: &Series, accumulated: &Axis) -> Option<ReportFigure> {
     let percent = STRAINS.map(|(column, _)| percent_of(series.column(column)));
     let named: Vec<_> = STRAINS
         .iter()
         .zip(&percent)
         .map(|((_, name), values)| (*name, &values[..]))
         .collect();
-    let svg = lines(LAYOUT, way.abscissa(), "strain (%)", &named)?;
+    let svg = lines(LAYOUT, accumulated.abscissa(), "strain (%)", &named)?;
     let columns = STRAINS.map(|(column, _)| column);
     let caption = "Strains of the box since the first strain step, compression positive.";
-    let data = way.table(series, &columns);
+    let data = accumulated.table(series, &columns);
     Some(ReportFigure::new("strains", caption, svg, data))
 }

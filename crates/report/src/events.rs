@@ -6,7 +6,7 @@ use super::colour::{CHANGE, CURVES, GREY, INK, STICK};
 use super::curves::padded;
 use super::plot::{Layout, Plot, figure};
 use super::ticks;
-use gshear_analysis::events::propagator::{Harmonic, MapCell, Propagator, Quantity};
+use gshear_analysis::events::propagator::{Harmonic, MapCell, Mode, Phase, Propagator, Quantity};
 use gshear_analysis::moments::{extent, mean};
 
 const LAYOUT: Layout = Layout::new([900.0, 440.0], 92.0);
@@ -79,11 +79,11 @@ pub fn sizes(events: &[EventMark]) -> String {
         ("waiting time", waiting.collect()),
     ]
     .map(|(name, values): (&str, Vec<f64>)| (name, shares_above(&values)));
-    let points = || curves.iter().flat_map(|(_, points)| points);
-    let x = padded(points().map(|point| point[0]), 0.03);
-    let y = padded(points().map(|point| point[1]), 0.03);
+    let points: Vec<&[f64; 2]> = curves.iter().flat_map(|(_, points)| points).collect();
+    let x = padded(points.iter().map(|point| point[0]), 0.03);
+    let y = padded(points.iter().map(|point| point[1]), 0.03);
     figure(LAYOUT, x, y, |plot| {
-        if points().next().is_none() {
+        if points.is_empty() {
             plot.empty_note("no events of different sizes");
         }
         let (x_ticks, y_ticks) = (
@@ -116,8 +116,7 @@ fn shares_above(values: &[f64]) -> Vec<[f64; 2]> {
     sorted.sort_by(f64::total_cmp);
     let (count, mean) = (sorted.len() as f64, mean(&sorted));
     // Differences of times that are equal differ by rounding.
-    let is_first = |k: &usize| *k == 0 || sorted[k - 1] * (1.0 + 1e-6) < sorted[*k];
-    let firsts = (0..sorted.len()).filter(is_first);
+    let firsts = (0..sorted.len()).filter(|k| *k == 0 || sorted[k - 1] * (1.0 + 1e-6) < sorted[*k]);
     firsts
         .map(|k| {
             let share = (sorted.len() - k) as f64 / count;
@@ -126,20 +125,39 @@ fn shares_above(values: &[f64]) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// A harmonic that a figure shows.
-struct Shown {
+/// A curve of a figure.
+struct Curve {
     name: &'static str,
-    quantity: Quantity,
-    order: usize,
-    is_sine: bool,
+    mode: Mode,
 }
 
-const fn shown(name: &'static str, quantity: Quantity, order: usize, is_sine: bool) -> Shown {
-    Shown {
-        name,
-        quantity,
-        order,
-        is_sine,
+impl Curve {
+    const fn new(name: &'static str, quantity: Quantity, order: usize, phase: Phase) -> Self {
+        Self {
+            name,
+            mode: Mode {
+                quantity,
+                order,
+                phase,
+            },
+        }
+    }
+
+    /// Its finite amplitudes in the rings. `diameter`: the mean one (m).
+    fn amplitudes(&self, harmonics: &[Harmonic], diameter: f64) -> Vec<RingAmplitude> {
+        let mut amplitudes = Vec::new();
+        for harmonic in harmonics.iter().filter(|harmonic| !harmonic.is_far) {
+            if let Some([value, error]) = self.mode.amplitude(harmonic)
+                && value.is_finite()
+            {
+                amplitudes.push(RingAmplitude {
+                    distance: harmonic.at / diameter,
+                    value,
+                    error: if error.is_finite() { error } else { 0.0 },
+                });
+            }
+        }
+        amplitudes
     }
 }
 
@@ -147,10 +165,10 @@ const fn shown(name: &'static str, quantity: Quantity, order: usize, is_sine: bo
 /// errors. `diameter`: the mean one (m).
 pub fn displacement(harmonics: &[Harmonic], diameter: f64) -> String {
     let curves = [
-        shown("u_{r} sin 2θ", Quantity::Radial, 2, true),
-        shown("u_{θ} cos 2θ", Quantity::Tangential, 2, false),
-        shown("u_{θ}, rotation", Quantity::Tangential, 0, false),
-        shown("u_{r}, dilation", Quantity::Radial, 0, false),
+        Curve::new("u_{r} sin 2θ", Quantity::Radial, 2, Phase::Sin),
+        Curve::new("u_{θ} cos 2θ", Quantity::Tangential, 2, Phase::Cos),
+        Curve::new("u_{θ}, rotation", Quantity::Tangential, 0, Phase::Cos),
+        Curve::new("u_{r}, dilation", Quantity::Radial, 0, Phase::Cos),
     ];
     amplitudes(
         harmonics,
@@ -163,10 +181,10 @@ pub fn displacement(harmonics: &[Harmonic], diameter: f64) -> String {
 /// Draws amplitudes of the mean change of stress around an event by distance, likewise.
 pub fn stress(harmonics: &[Harmonic], diameter: f64) -> String {
     let curves = [
-        shown("shear stress, cos 4θ", Quantity::Shear, 4, false),
-        shown("shear stress, all around", Quantity::Shear, 0, false),
-        shown("pressure, sin 2θ", Quantity::Pressure, 2, true),
-        shown("pressure, all around", Quantity::Pressure, 0, false),
+        Curve::new("shear stress, cos 4θ", Quantity::Shear, 4, Phase::Cos),
+        Curve::new("shear stress, all around", Quantity::Shear, 0, Phase::Cos),
+        Curve::new("pressure, sin 2θ", Quantity::Pressure, 2, Phase::Sin),
+        Curve::new("pressure, all around", Quantity::Pressure, 0, Phase::Cos),
     ];
     amplitudes(
         harmonics,
@@ -185,36 +203,21 @@ struct RingAmplitude {
 }
 
 /// `label`: of the amplitudes, with `{}` in the place of an SI prefix.
-fn amplitudes(harmonics: &[Harmonic], diameter: f64, curves: &[Shown], label: &str) -> String {
-    let of_curve = |shown: &Shown| -> Vec<RingAmplitude> {
-        let rings = harmonics.iter().filter(|harmonic| {
-            !harmonic.is_far && (harmonic.quantity, harmonic.order) == (shown.quantity, shown.order)
-        });
-        let amplitudes = rings.map(|harmonic| {
-            let [value, error] = if shown.is_sine {
-                harmonic.sin
-            } else {
-                harmonic.cos
-            };
-            RingAmplitude {
-                distance: harmonic.at / diameter,
-                value,
-                error: if error.is_finite() { error } else { 0.0 },
-            }
-        });
-        amplitudes
-            .filter(|amplitude| amplitude.value.is_finite())
-            .collect()
-    };
-    let drawn: Vec<Vec<RingAmplitude>> = curves.iter().map(of_curve).collect();
-    let all = || drawn.iter().flatten();
-    let ends = || all().flat_map(|ring| [ring.value - ring.error, ring.value + ring.error]);
-    let greatest = ends().fold(0.0, |most: f64, value| most.max(value.abs()));
+fn amplitudes(harmonics: &[Harmonic], diameter: f64, curves: &[Curve], label: &str) -> String {
+    let drawn: Vec<Vec<RingAmplitude>> = (curves.iter())
+        .map(|curve| curve.amplitudes(harmonics, diameter))
+        .collect();
+    // The axis is drawn, too.
+    let (mut farthest, mut ends) = (1.0_f64, vec![0.0_f64]);
+    for ring in drawn.iter().flatten() {
+        farthest = farthest.max(ring.distance);
+        ends.extend([ring.value - ring.error, ring.value + ring.error]);
+    }
+    let greatest = ends.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
     let (factor, prefix) = ticks::prefix(greatest);
-    let layout = LAYOUT.with_legend(curves.iter().map(|shown| shown.name));
-    let farthest = all().map(|ring| ring.distance).fold(1.0, f64::max);
+    let layout = LAYOUT.with_legend(curves.iter().map(|curve| curve.name));
     let x = [0.0, farthest + 0.5];
-    let y = padded(ends().chain([0.0]).map(|value| factor * value), 0.05);
+    let y = padded(ends.iter().map(|value| factor * value), 0.05);
     figure(layout, x, y, |plot| {
         if drawn.iter().all(Vec::is_empty) {
             plot.empty_note("no events with enough grains around them");
@@ -237,7 +240,7 @@ fn amplitudes(harmonics: &[Harmonic], diameter: f64, curves: &[Shown], label: &s
         let distance = "distance from the event over the mean diameter";
         plot.axes(&x_ticks, &y_ticks, distance, &label.replace("{}", prefix));
         let entries: Vec<(RGBColor, &str)> = (curves.iter().zip(CURVES))
-            .map(|(shown, colour)| (colour, shown.name))
+            .map(|(curve, colour)| (colour, curve.name))
             .collect();
         plot.legend(&entries);
     })
@@ -247,18 +250,8 @@ fn amplitudes(harmonics: &[Harmonic], diameter: f64, curves: &[Shown], label: &s
 /// `diameter`: the mean one (m).
 pub fn map(propagator: &Propagator, diameter: f64) -> String {
     let cells: Vec<&MapCell> = propagator.map().collect();
-    let greatest = |values: Vec<f64>| -> f64 {
-        let mut sizes = values;
-        sizes.retain(|size| *size > 0.0);
-        sizes.sort_by(f64::total_cmp);
-        let at = (LONG * sizes.len() as f64) as usize;
-        sizes
-            .get(at.min(sizes.len().saturating_sub(1)))
-            .copied()
-            .unwrap_or(1.0)
-    };
-    let longest = greatest(cells.iter().map(|cell| length(cell.displacement)).collect());
-    let strongest = greatest(cells.iter().map(|cell| cell.shear.abs()).collect());
+    let longest = most(cells.iter().map(|cell| length(cell.displacement)).collect());
+    let strongest = most(cells.iter().map(|cell| cell.shear.abs()).collect());
     let reach = cells
         .iter()
         .flat_map(|cell| cell.place)
@@ -297,8 +290,17 @@ pub fn map(propagator: &Propagator, diameter: f64) -> String {
     })
 }
 
-fn length([x, y]: [f64; 2]) -> f64 {
-    x.hypot(y)
+/// The size that [`LONG`] of the positive sizes do not exceed; 1 without any.
+fn most(mut sizes: Vec<f64>) -> f64 {
+    sizes.retain(|size| *size > 0.0);
+    sizes.sort_by(f64::total_cmp);
+    let at = (LONG * sizes.len() as f64) as usize;
+    let place = at.min(sizes.len().saturating_sub(1));
+    sizes.get(place).copied().unwrap_or(1.0)
+}
+
+fn length(vector: [f64; 2]) -> f64 {
+    vector[0].hypot(vector[1])
 }
 
 /// An arrow around a place.

@@ -19,13 +19,13 @@ use crate::table::table;
 use crate::value::Value;
 use crate::words::show;
 
-/// How often a condition may be looked at.
-const LOOKS: Bounds = Bounds {
+/// Number of checks of a part.
+const CHECKS: Bounds = Bounds {
     from: Bound::Included(1.0),
     to: Bound::Included(1e9),
 };
-/// How often it is, if nothing is said.
-const USUAL_LOOKS: u64 = 1000;
+/// The default.
+const USUAL_CHECKS: u64 = 1000;
 
 table! {
     /// The shear.
@@ -99,21 +99,21 @@ table! {
         bottom_amplitude: Number(POSITIVE) { unit: "m" },
         /// of the bottom wall
         bottom_frequency: Number(POSITIVE) { unit: "Hz" },
-        /// the part ends before its time when τ = S/N is less than this
+        /// ends the part before its time: τ = S/N is less than this
         until_stress_ratio_below: Number(ANY) {},
-        /// … when τ is more than this
+        /// ends the part: τ is more than this
         until_stress_ratio_above: Number(ANY) {},
-        /// … when τ has fallen by this below its greatest value in the part
+        /// ends the part: τ is by more than this less than its greatest value in the part
         until_drop: Number(POSITIVE) {},
-        /// … when the velocity of the top wall along x is less than this
+        /// ends the part: the velocity of the top wall along x is less than this
         until_slip_rate_below: Number(ANY) { unit: "m/s" },
-        /// … when it is more than this
+        /// ends the part: that velocity is more than this
         until_slip_rate_above: Number(ANY) { unit: "m/s" },
-        /// … when the top wall has moved by this along x since the part began, either way
+        /// ends the part: the top wall has moved further than this along x, in either direction
         until_slip: Number(POSITIVE) { unit: "m" },
-        /// how often these conditions are looked at, evenly over the whole duration: 1000 times if
-        /// it is not given; the part ends a step after the look
-        until_looks: Number(LOOKS) { condition: "a whole number" },
+        /// number of checks of these conditions, evenly over the whole duration (default 1000); the
+        /// part ends a step after the check
+        until_checks: Number(CHECKS) { condition: "a whole number" },
     }
 }
 
@@ -358,7 +358,7 @@ static NEEDS: [(&Key, &[&Key]); 13] = [
     (&PART.cycles, &[&PART.frequency]),
     (&PART.distance, &[&PART.velocity]),
     (&PART.ramp, &[&PART.velocity]),
-    (&PART.until_looks, &CONDITIONS),
+    (&PART.until_checks, &CONDITIONS),
 ];
 
 /// What ends a part before its time.
@@ -437,7 +437,7 @@ impl PartValues<'_> {
             slip_rate_below: self.value(&PART.until_slip_rate_below),
             slip_rate_above: self.value(&PART.until_slip_rate_above),
             slip: self.value(&PART.until_slip),
-            looks: self.whole(&PART.until_looks)?.unwrap_or(USUAL_LOOKS),
+            checks: self.whole(&PART.until_checks)?.unwrap_or(USUAL_CHECKS),
         }))
     }
 

@@ -30,7 +30,7 @@ pub struct Schedule {
     pub protocol: Protocol,
     /// One for each segment of the protocol.
     pub intervals: Vec<Intervals>,
-    /// What may end a part, of each part of a protocol.
+    /// The conditions that end each part of a protocol.
     conditions: Vec<Option<Until>>,
     /// I/γ̇ (s).
     inertial_time: f64,
@@ -113,8 +113,8 @@ pub struct Intervals {
     pub series: Interval,
     /// Checkpoints.
     pub checkpoints: Interval,
-    /// Looks at what may end the segment.
-    pub looks: Interval,
+    /// Checks of the conditions that end the segment.
+    pub checks: Interval,
 }
 
 /// How often something is written in a whole stage.
@@ -262,7 +262,7 @@ impl Plan {
             analysis: Interval::default(),
             series: Interval::dividing(segment.steps, output.series_rows),
             checkpoints: Interval::dividing(segment.steps, 1),
-            looks: Interval::dividing(segment.steps, part.until.map_or(0, |until| until.looks)),
+            checks: Interval::dividing(segment.steps, part.until.map_or(0, |until| until.checks)),
         });
         Self {
             intervals: intervals.collect(),
@@ -351,7 +351,7 @@ impl Schedule {
         }
     }
 
-    /// The part that has the step after so many steps, and what may end it.
+    /// The part that has the step after so many steps, and the conditions that end it.
     pub fn condition(&self, step: u64) -> (usize, Option<&Until>) {
         let part = self.protocol.segment_of(step);
         (part, self.conditions[part].as_ref())
@@ -362,9 +362,9 @@ impl Schedule {
         self.conditions.iter().any(Option::is_some)
     }
 
-    /// Whether what may end a part is looked at after so many steps.
-    pub fn look_due(&self, step: u64) -> bool {
-        step < self.protocol.steps() && self.on_grid(|s| s.looks, step)
+    /// Whether the conditions that end a part are checked after so many steps.
+    pub fn check_due(&self, step: u64) -> bool {
+        self.has_conditions() && step < self.protocol.steps() && self.on_grid(|s| s.checks, step)
     }
 
     /// The stretch that is computed again, if it is one.

@@ -7,7 +7,7 @@ use gshear_dem::columns::Column;
 gshear_dem::columns! {
     /// One row of the time series of the strain steps. What was not computed is NaN.
     pub struct AqsRow {
-        /// γ; ε of a biaxial box; decrease of volume in a compression; way of a protocol
+        /// γ; ε (biaxial); decrease of volume (compression); accumulated (protocol)
         strain: "1",
         /// Lees–Edwards offset: displacement of the image above along x
         image_offset: "m",

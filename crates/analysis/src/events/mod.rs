@@ -22,6 +22,7 @@ pub use self::pairs::{PairCount, PairRange, pair_counts};
 pub use self::surroundings::Surroundings;
 use super::dmin::LocalStrain;
 use super::interval::Interval;
+use super::moments;
 
 /// A grain that is active in an interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -185,31 +186,32 @@ struct Member {
 }
 
 fn event<D: Dimension>(active: &[ActiveInterval], members: &[Member]) -> Event {
-    let grain = |member: &Member| &active[member.at[0]].grains[member.at[1]];
-    let sum = |value: fn(&ActiveGrain) -> f64| members.iter().map(|m| value(grain(m))).sum::<f64>();
+    let grains: Vec<&ActiveGrain> = (members.iter())
+        .map(|member| &active[member.at[0]].grains[member.at[1]])
+        .collect();
     let numbers = members.iter().map(|member| active[member.at[0]].number);
-    let dmin_sum = sum(|grain| grain.dmin);
+    let dmin_sum: f64 = grains.iter().map(|grain| grain.dmin).sum();
     let count = members.len() as f64;
     let (mut weighted, mut extent, mut gyration) = ([0.0; 3], [0.0; 3], 0.0);
     for axis in 0..D::AXES {
-        let offsets = || members.iter().map(|member| member.offset[axis]);
-        let products = members.iter().map(|m| grain(m).dmin * m.offset[axis]);
+        let offsets: Vec<f64> = members.iter().map(|member| member.offset[axis]).collect();
+        let mean = offsets.iter().sum::<f64>() / count;
+        let products = grains.iter().zip(&offsets).map(|(g, x)| g.dmin * x);
         // All D²min may be 0.
         weighted[axis] = if dmin_sum > 0.0 {
             products.sum::<f64>() / dmin_sum
         } else {
-            offsets().sum::<f64>() / count
+            mean
         };
-        let low = offsets().fold(f64::INFINITY, f64::min);
-        extent[axis] = offsets().fold(f64::NEG_INFINITY, f64::max) - low;
-        let mean = offsets().sum::<f64>() / count;
-        gyration += offsets().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+        let [low, high] = moments::extent(offsets.iter().copied());
+        extent[axis] = high - low;
+        gyration += offsets.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
     }
     let anchor = &members[0];
-    let mut place = grain(anchor).from;
+    let mut place = grains[0].from;
     (0..D::AXES).for_each(|axis| place[axis] += weighted[axis] - anchor.offset[axis]);
     let cell = &active[anchor.at[0]].cell;
-    let ids: BTreeSet<u32> = members.iter().map(|member| grain(member).grain).collect();
+    let ids: BTreeSet<u32> = grains.iter().map(|grain| grain.grain).collect();
     Event {
         intervals: [
             numbers.clone().min().unwrap_or_default(),
@@ -220,15 +222,11 @@ fn event<D: Dimension>(active: &[ActiveInterval], members: &[Member]) -> Event {
         members: members.iter().map(|member| member.at).collect(),
         extent,
         gyration: gyration.sqrt(),
-        dmin_greatest: greatest(members.iter().map(|m| grain(m).dmin)),
+        dmin_greatest: (grains.iter().map(|grain| grain.dmin)).fold(f64::NEG_INFINITY, f64::max),
         dmin_sum,
-        strain_sum: sum(|grain| grain.strain.invariant),
-        shear_strain_sum: sum(|grain| grain.strain.along),
+        strain_sum: grains.iter().map(|grain| grain.strain.invariant).sum(),
+        shear_strain_sum: grains.iter().map(|grain| grain.strain.along).sum(),
     }
-}
-
-fn greatest(values: impl Iterator<Item = f64>) -> f64 {
-    values.fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// A place (m), wrapped into the cell.
@@ -301,15 +299,18 @@ impl Near<'_> {
         if places.is_empty() {
             return;
         }
-        let radius = |n: usize| self.grains.radius[ids[n] as usize];
-        let largest = (0..ids.len()).map(radius).fold(0.0, f64::max);
+        let radii: Vec<f64> = ids
+            .iter()
+            .map(|id| self.grains.radius[*id as usize])
+            .collect();
+        let largest = radii.iter().copied().fold(0.0, f64::max);
         let cutoff = self.links.reach.max(2.0 * largest);
         let bins = Bins::<D>::new(cell, LocalExtent::whole(cell.periods[0]), cutoff, places);
         for (i, from) in places.iter().enumerate() {
             bins.each_near(from, |j| {
                 let j = j as usize;
                 let separation = cell.separation::<D>(&places[j], from);
-                let touching = radius(i) + radius(j);
+                let touching = radii[i] + radii[j];
                 if i != j && length(separation) <= self.links.reach.max(touching) {
                     found(i, j, separation);
                 }

@@ -54,21 +54,23 @@ pub fn pair_counts(
             counts[row][((r / width) as usize).min(rings)] += 1;
         }
     }
-    let pairs = |counts: &[u64]| counts.iter().sum::<u64>();
-    let all: u64 = counts.iter().map(|row| pairs(row)).sum();
-    let of_ring = |ring: usize| counts.iter().map(|row| row[ring]).sum::<u64>();
+    let by_lag: Vec<u64> = counts.iter().map(|row| row.iter().sum()).collect();
+    let by_ring: Vec<u64> = (0..rings)
+        .map(|ring| counts.iter().map(|row| row[ring]).sum())
+        .collect();
+    let all: u64 = by_lag.iter().sum();
     let mut found = Vec::new();
-    for (lag, row) in lags.iter().zip(&counts) {
+    for ((lag, row), pairs) in lags.iter().zip(&counts).zip(by_lag) {
         found.push(PairCount {
             range: PairRange {
                 lag: *lag,
                 distance: [0.0, f64::INFINITY],
             },
-            pairs: pairs(row),
+            pairs,
             expected: all as f64 * share_of_even(*lag, intervals),
         });
         for (ring, count) in row[..rings].iter().enumerate() {
-            let expected = pairs(row) as f64 * of_ring(ring) as f64 / all.max(1) as f64;
+            let expected = pairs as f64 * by_ring[ring] as f64 / all.max(1) as f64;
             found.push(PairCount {
                 range: PairRange {
                     lag: *lag,
@@ -97,11 +99,11 @@ fn lag_ranges(intervals: usize) -> Vec<[usize; 2]> {
 /// probability, whose lag is in a range.
 fn share_of_even(lag: [usize; 2], intervals: usize) -> f64 {
     let n = intervals as f64;
-    let share = |k: usize| match k {
+    let shares = (lag[0]..lag[1]).map(|k| match k {
         0 => 1.0 / n,
         k => 2.0 * (n - k as f64) / (n * n),
-    };
-    (lag[0]..lag[1]).map(share).sum()
+    });
+    shares.sum()
 }
 
 fn distance<D: Dimension>(cell: Cell, first: &Event, second: &Event) -> f64 {

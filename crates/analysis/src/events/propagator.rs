@@ -99,6 +99,39 @@ pub struct Harmonic {
     pub grains: u64,
 }
 
+/// Which of its two amplitudes a harmonic has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// Of cos mθ.
+    Cos,
+    /// Of sin mθ.
+    Sin,
+}
+
+/// A quantity, the order of a harmonic, and one of its amplitudes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Mode {
+    /// The quantity.
+    pub quantity: Quantity,
+    /// m.
+    pub order: usize,
+    /// cos mθ or sin mθ.
+    pub phase: Phase,
+}
+
+impl Mode {
+    /// Its amplitude with the standard error, if the harmonic is of this quantity and order.
+    pub fn amplitude(&self, harmonic: &Harmonic) -> Option<[f64; 2]> {
+        if (harmonic.quantity, harmonic.order) != (self.quantity, self.order) {
+            return None;
+        }
+        Some(match self.phase {
+            Phase::Cos => harmonic.cos,
+            Phase::Sin => harmonic.sin,
+        })
+    }
+}
+
 /// A square of the map of means around the events.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MapCell {
@@ -202,9 +235,8 @@ impl Propagator {
     pub fn new(dimension: Dimensions, events: usize, width: f64, reach: f64) -> Self {
         let rings = ((reach / width) as usize).max(1);
         let side = 2 * rings;
-        let middle = |k: usize| (k as f64 - rings as f64 + 0.5) * width;
         let map = (0..side * side).map(|k| MapCell {
-            place: [middle(k % side), middle(k / side)],
+            place: [k % side, k / side].map(|at| (at as f64 - rings as f64 + 0.5) * width),
             ..MapCell::default()
         });
         Self {
@@ -313,29 +345,31 @@ impl Propagator {
         };
         let mut found = Vec::new();
         for ring in 0..=last {
-            let of_ring = || self.sums.iter().map(|group| &group[ring]);
-            let total = of_ring().fold(Sums::default(), |sum, group| Sums {
+            let groups: Vec<&Sums> = self.sums.iter().map(|group| &group[ring]).collect();
+            let total = groups.iter().fold(Sums::default(), |sum, group| Sums {
                 grains: sum.grains + group.grains,
                 ..sum.plus(group, 1.0)
             });
             for quantity in Quantity::ALL {
                 let amplitudes = total.amplitudes(quantity);
-                let without = of_ring().map(|group| total.plus(group, -1.0).amplitudes(quantity));
-                let errors = jackknife(&without.collect::<Vec<_>>());
+                let without: Vec<_> = (groups.iter())
+                    .map(|group| total.plus(group, -1.0).amplitudes(quantity))
+                    .collect();
+                let errors = jackknife(&without);
                 for order in 0..=HARMONICS {
-                    let pair = |at: usize| [amplitudes[at], errors[at]];
+                    let cos = (2 * order).saturating_sub(1);
+                    let mut sin = [0.0; 2];
+                    if order > 0 {
+                        sin = [amplitudes[2 * order], errors[2 * order]];
+                    }
                     found.push(Harmonic {
                         quantity,
                         is_far: ring == self.rings,
                         ring: self.ring(ring),
                         at: self.middle(ring),
                         order,
-                        cos: pair((2 * order).saturating_sub(1)),
-                        sin: if order == 0 {
-                            [0.0; 2]
-                        } else {
-                            pair(2 * order)
-                        },
+                        cos: [amplitudes[cos], errors[cos]],
+                        sin,
                         grains: total.grains,
                     });
                 }

@@ -24,6 +24,12 @@ struct MeanStress {
     normal: f64,
 }
 
+impl MeanStress {
+    fn ratio(&self) -> f64 {
+        self.shear / self.normal
+    }
+}
+
 impl Surroundings {
     /// Compares two frames with contact forces.
     ///
@@ -60,10 +66,9 @@ impl Surroundings {
             let mean = counted.map(|(value, _)| value).sum::<f64>() / count;
             values.iter_mut().for_each(|value| *value -= mean);
         }
-        let ratio = |mean: &MeanStress| mean.shear / mean.normal;
         Self {
             stress_drop: means[0].shear - means[1].shear,
-            stress_ratio_drop: ratio(&means[0]) - ratio(&means[1]),
+            stress_ratio_drop: means[0].ratio() - means[1].ratio(),
             change: Change {
                 cell: earlier.cell,
                 place: (0..grains.count()).map(|n| earlier.position(n)).collect(),

@@ -120,8 +120,9 @@ impl<D: Dimension> Strain<'_, D> {
         self.begin_to_correct(lengths, wanted, before.corrected)
     }
 
-    /// Strain step number `step` of a protocol: its strains, and then its stresses.
-    pub(super) fn follow(&mut self, parts: &[StrainPart], step: u64) -> Result<Option<Search>> {
+    /// Strain step number `step` of a protocol: imposes the strains, then searches for the
+    /// stresses.
+    pub(super) fn protocol(&mut self, parts: &[StrainPart], step: u64) -> Result<Option<Search>> {
         let (n, within) = StrainPart::of_step(parts, step).expect("a strain step of the protocol");
         let part = &parts[n];
         let mut corrected = self.stretched().corrected;

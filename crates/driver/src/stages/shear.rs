@@ -14,7 +14,7 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, RowInput, SampleConstants};
 use gshear_dem::profile::RankProfile;
 use gshear_dem::state::{GrainState, SeriesRow, Snapshot, body};
-use gshear_dem::until::{Look, Watch};
+use gshear_dem::until::{Checks, TopState};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
 use gshear_scene::{Motion, PlaneShear, RunStage, Scene};
@@ -64,8 +64,8 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     latest: Option<SeriesRow>,
     /// The parts of the protocol that a condition has ended.
     ends: Vec<PartEnd>,
-    /// What the looks at the part under way have found.
-    watch: Option<Watch>,
+    /// The checks of the present part so far.
+    checks: Option<Checks>,
 }
 
 /// A sample after its shear, or up to a stop.
@@ -163,7 +163,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             traffic,
             latest: None,
             ends: from.ends,
-            watch: from.watch,
+            checks: from.checks,
         })
     }
 
@@ -263,7 +263,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
 
     /// Whether the state after so many steps is measured.
     fn is_measured(&self, step: u64) -> bool {
-        self.schedule.due(step).any() || self.schedule.look_due(step)
+        self.schedule.due(step).any() || self.schedule.check_due(step)
     }
 
     /// Whether something is due after so many steps, or measured in the next one.
@@ -341,23 +341,24 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         )
     }
 
-    /// Looks whether a condition ends the part under way: then the next step is its last one, so
-    /// that the walls turn to the next part as at every end of a part.
-    fn look(&mut self, run: &Run<'_>, row: &SeriesRow) {
+    /// Ends the present part if one of its conditions holds. The next step is then its last one, so
+    /// that the walls enter the next part as they always do.
+    fn check_part(&mut self, run: &Run<'_>, row: &SeriesRow) {
         let (part, condition) = self.schedule.condition(self.step);
         let Some(condition) = condition else {
             return;
         };
-        let look = Look {
+        let top = TopState {
             stress_ratio: row.stress_ratio,
             slip: row.slip,
             slip_rate: row.slip_rate,
         };
-        let Some(watch) = self.watch.as_mut().filter(|watch| watch.part == part) else {
-            self.watch = Some(Watch::begin(part, &look));
+        let of_part = self.checks.as_mut().filter(|checks| checks.part == part);
+        let Some(checks) = of_part else {
+            self.checks = Some(Checks::begin(part, &top));
             return;
         };
-        let Some(met) = watch.look(condition, &look) else {
+        let Some(reason) = checks.check(condition, &top) else {
             return;
         };
         let segment = self.schedule.protocol.segments()[part];
@@ -369,7 +370,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         self.boundary.end_segment(part, steps);
         self.ends.push(PartEnd { part, steps });
         run.terminal.say(format!(
-            "shear: part {} ends after step {}: {met}",
+            "shear: part {} ends after step {}: {reason}",
             part + 1,
             self.step + 1
         ));
@@ -488,15 +489,15 @@ impl<'a, D: Dimension> Stage<'a, D> for ShearStage<'a, D> {
         if due.any() || self.is_done() {
             self.check_between(exchange)?;
         }
-        let looks = self.schedule.look_due(step);
-        if due.row || looks {
+        let is_checked = self.schedule.check_due(step);
+        if due.row || is_checked {
             let (row, values) = self.measure(exchange);
             if due.row {
                 self.latest = Some(row);
                 self.files.row(exchange, at, &values)?;
             }
-            if looks {
-                self.look(run, &row);
+            if is_checked {
+                self.check_part(run, &row);
             }
         }
         let height = self.boundary.top().piston.height - self.frame.walls;
@@ -528,7 +529,7 @@ impl<'a, D: Dimension> Stage<'a, D> for ShearStage<'a, D> {
             slider: (self.step > 0).then_some(top.slider.state),
             height: self.schedule.height,
             ends: self.ends.clone(),
-            watch: self.watch,
+            checks: self.checks,
             written: self.files.written(),
             energy_budget: budget.map(|budget| budget.save(run.exchange)),
         };

@@ -258,7 +258,7 @@ fn sheared_from(scene: &Scene, plane_shear: &PlaneShear, piston: Piston) -> Shea
         piston,
         slider: None,
         ends: Vec::new(),
-        watch: None,
+        checks: None,
         written: Written::default(),
         energy_budget: None,
     }

@@ -26,23 +26,14 @@ use crate::run::{Checkpoint, Run};
 use crate::stage::{Save, Stage};
 use gshear_store::status::StageProgress;
 
-/// The strain that the box has reached: γ of a shear, ε along the last axis of a biaxial box, of a
-/// compression the part by which the volume has decreased, and of a protocol the length of its way.
+/// The strain that the box has reached: γ of a shear, ε along the last axis of a biaxial box, the
+/// relative decrease of the volume in a compression, the accumulated strain of a protocol.
 pub(super) fn reached<D: Dimension>(quasi_static: &QuasiStatic, progress: &StrainProgress) -> f64 {
     match (&quasi_static.deformation, &progress.stretched) {
         (Deformation::Compression(_), Some(stretched)) => stretched.volume_strain::<D>(),
-        (Deformation::Protocol(_), Some(stretched)) => stretched.path,
+        (Deformation::Protocol(_), Some(stretched)) => stretched.accumulated_strain,
         (Deformation::Compression(_) | Deformation::Protocol(_), None) => 0.0,
         _ => quasi_static.aqs.strain_step * progress.steps as f64,
-    }
-}
-
-/// γ after so many strain steps.
-fn shear_after(quasi_static: &QuasiStatic, steps: u64) -> f64 {
-    match &quasi_static.deformation {
-        Deformation::SimpleShear => quasi_static.aqs.strain_step * steps as f64,
-        Deformation::Protocol(parts) => StrainPart::shear_after(parts, steps),
-        Deformation::PureShear | Deformation::Biaxial | Deformation::Compression(_) => 0.0,
     }
 }
 
@@ -198,7 +189,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             Deformation::Compression(pressures) => {
                 self.begin_to_press(pressures[step as usize - 1])
             }
-            Deformation::Protocol(parts) => self.follow(parts, step),
+            Deformation::Protocol(parts) => self.protocol(parts, step),
         }
     }
 
@@ -270,11 +261,15 @@ impl<'a, D: Dimension> Strain<'a, D> {
         progress.steps += 1;
         if let Some(stretched) = &mut progress.stretched {
             let lengths = self.assembly.system.cell.lengths::<D>();
-            let shear = shear_after(self.quasi_static, progress.steps)
-                - shear_after(self.quasi_static, progress.steps - 1);
-            let changes =
-                (0..D::AXES).map(|axis| portable_ln(lengths[axis] / stretched.lengths[axis]));
-            stretched.path += changes.fold(shear.abs(), |most, x| most.max(x.abs()));
+            if let Deformation::Protocol(parts) = &self.quasi_static.deformation {
+                let [before, after] = [progress.steps - 1, progress.steps]
+                    .map(|steps| StrainPart::shear_after(parts, steps));
+                let mut greatest = (after - before).abs();
+                for (now, then) in lengths.iter().zip(stretched.lengths) {
+                    greatest = greatest.max(portable_ln(now / then).abs());
+                }
+                stretched.accumulated_strain += greatest;
+            }
             stretched.lengths = lengths;
         }
         progress.fell_back += u64::from(statistics.fell_back);
@@ -333,17 +328,18 @@ impl<'a, D: Dimension> Strain<'a, D> {
         let Stretched {
             lengths, initial, ..
         } = self.stretched();
-        let place = StrainPart::of_step(parts, self.progress.steps);
         let strain: [f64; 3] =
             std::array::from_fn(|axis| -portable_ln(lengths[axis] / initial[axis]));
+        let steps = self.progress.steps;
+        let mut part = 0;
+        if let Some((n, within)) = StrainPart::of_step(parts, steps)
+            && within > 0
+        {
+            part = n + 1;
+        }
         Some(StrainProtocolRow {
-            part: place.map_or(
-                f64::NAN,
-                |(n, within)| {
-                    if within == 0 { 0.0 } else { n as f64 + 1.0 }
-                },
-            ),
-            shear_strain: StrainPart::shear_after(parts, self.progress.steps),
+            part: part as f64,
+            shear_strain: StrainPart::shear_after(parts, steps),
             strain_xx: strain[0],
             strain_yy: strain[1],
             strain_zz: if D::AXES == 3 { strain[2] } else { f64::NAN },

@@ -1,5 +1,5 @@
-//! Strain steps that bring stresses of the box to values: each control changes the lengths along
-//! its axes by one factor, by a quasi-Newton method over the relaxed packings.
+//! Stress control in strain steps: a quasi-Newton search for the lengths of the box at which the
+//! relaxed packing has the wanted stresses.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -12,11 +12,11 @@ use crate::header::{Corrected, Correction, Moduli, Search};
 
 /// Relaxations in a strain step after which its stresses are given up.
 const MOST_CORRECTIONS: usize = 60;
-/// A correction changes the moduli along its strain by a factor between this and its inverse.
-const LEARNT: f64 = 4.0;
+/// Greatest factor by which a correction changes the moduli along its strain, up or down.
+const MOST_CHANGE: f64 = 4.0;
 
 impl<D: Dimension> Strain<'_, D> {
-    /// The stresses that the strain step under way brings to values.
+    /// The stresses that the present strain step controls.
     fn controls(&self) -> Vec<StressControl> {
         match &self.quasi_static.deformation {
             Deformation::Biaxial => {
@@ -37,8 +37,8 @@ impl<D: Dimension> Strain<'_, D> {
         }
     }
 
-    /// Stresses on the straight line to those of the controls, which are reached in so many strain
-    /// steps.
+    /// The wanted stresses of this strain step, on the straight line to those that the part reaches
+    /// in so many strain steps.
     pub(super) fn wanted_stresses(&mut self, steps: u64) -> [f64; 3] {
         let mut wanted = [0.0; 3];
         let controls = self.controls();
@@ -53,8 +53,8 @@ impl<D: Dimension> Strain<'_, D> {
         wanted
     }
 
-    /// Gives the box these lengths, and begins to bring the stresses of the controls to the wanted
-    /// ones, as the last strain step did if it was `corrected`.
+    /// Gives the box these lengths, and begins to search for the wanted stresses; `corrected`: from
+    /// the strains of the last strain step.
     pub(super) fn begin_to_correct(
         &mut self,
         mut lengths: [f64; 3],
@@ -96,7 +96,7 @@ impl<D: Dimension> Strain<'_, D> {
         }
         if let Some(before) = correction.excess {
             let fallen = std::array::from_fn(|k| before[k] - excess[k]);
-            correction.moduli.learn(correction.by, fallen);
+            correction.moduli.update(correction.by, fallen);
         }
         let greatest = wanted.iter().fold(0.0f64, |most, x| most.max(x.abs()));
         let furthest = excess.iter().fold(0.0f64, |most, x| most.max(x.abs()));
@@ -150,36 +150,39 @@ fn lengthen(lengths: &mut [f64; 3], controls: &[StressControl], by: [f64; 3]) {
 }
 
 impl Moduli {
-    /// Axes that do not know of each other.
+    /// Uncoupled axes of this modulus.
     fn stiff(modulus: f64) -> Self {
-        let row = |k| std::array::from_fn(|l| if k == l { modulus } else { 0.0 });
-        Self(std::array::from_fn(row))
+        let mut moduli = [[0.0; 3]; 3];
+        for (axis, row) in moduli.iter_mut().enumerate() {
+            row[axis] = modulus;
+        }
+        Self(moduli)
     }
 
     fn matrix(self) -> Matrix3<f64> {
         Matrix3::from_fn(|k, l| self.0[k][l])
     }
 
-    /// Learns how far the stresses have fallen with a strain, by Broyden's method (C. G. Broyden,
-    /// Math. Comp. 19, 577, 1965). A rearrangement may make a packing look soft, or softer than
-    /// nothing: then all moduli change by a factor.
-    fn learn(&mut self, by: [f64; 3], fallen: [f64; 3]) {
+    /// Updates the moduli by a measured fall of the stresses, by Broyden's method (C. G. Broyden,
+    /// Math. Comp. 19, 577, 1965). After a rearrangement the packing may appear very soft, or the
+    /// modulus negative: then all moduli change by one factor.
+    fn update(&mut self, by: [f64; 3], fallen: [f64; 3]) {
         let (by, fallen) = (Vector3::from(by), Vector3::from(fallen));
         let before = self.matrix();
         let expected = before * by;
         let ratio = by.dot(&fallen) / by.dot(&expected);
-        let after = if (1.0 / LEARNT..=LEARNT).contains(&ratio) {
+        let after = if (1.0 / MOST_CHANGE..=MOST_CHANGE).contains(&ratio) {
             before + (fallen - expected) * by.transpose() / by.norm_squared()
         } else if ratio > 0.0 {
-            before * ratio.clamp(1.0 / LEARNT, LEARNT)
+            before * ratio.clamp(1.0 / MOST_CHANGE, MOST_CHANGE)
         } else {
-            before * LEARNT
+            before * MOST_CHANGE
         };
         self.0 = std::array::from_fn(|k| std::array::from_fn(|l| after[(k, l)]));
     }
 
-    /// The strains that take the excess away, of which none is greater than `most`. Moduli by which
-    /// a greater length means a greater stress are given up for stiff ones.
+    /// The strains that remove the excess of stress, none greater than `most`. Moduli that would
+    /// increase it are replaced by stiff ones.
     fn strains(&mut self, excess: [f64; 3], stiff: f64, most: f64) -> [f64; 3] {
         let excess = Vector3::from(excess);
         let found = self.matrix().lu().solve(&excess);
@@ -202,8 +205,7 @@ impl Moduli {
 mod tests {
     use super::*;
 
-    /// The stresses of a linear packing, coupled across its axes, are found in as many corrections
-    /// as Broyden's method takes in three dimensions.
+    /// The stresses of a linear packing with coupled axes are found in few corrections.
     #[test]
     fn coupled_stresses_are_found() {
         let elastic = Matrix3::new(1.0, 0.4, 0.3, 0.4, 1.2, 0.35, 0.3, 0.35, 0.8);
@@ -214,7 +216,7 @@ mod tests {
             while excess.amax() > 1e-9 {
                 let by = moduli.strains(excess.into(), stiff, 1e-2);
                 let after = excess - elastic * Vector3::from(by);
-                moduli.learn(by, (excess - after).into());
+                moduli.update(by, (excess - after).into());
                 excess = after;
                 trials += 1;
                 assert!(trials <= 12, "{stiff}: {excess:?}");
@@ -222,13 +224,13 @@ mod tests {
         }
     }
 
-    /// No correction is longer than the greatest, and none goes up the wrong way.
+    /// Corrections are bounded, and reduce the excess.
     #[test]
     fn corrections_are_bounded_and_fall() {
         let mut moduli = Moduli([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
         assert_eq!(moduli.strains([0.5, 0.0, 0.0], 2.0, 0.1), [0.1, 0.0, 0.0]);
         assert_eq!(moduli, Moduli::stiff(2.0));
-        moduli.learn([0.1, 0.0, 0.0], [-1.0, 0.0, 0.0]);
+        moduli.update([0.1, 0.0, 0.0], [-1.0, 0.0, 0.0]);
         assert_eq!(moduli, Moduli::stiff(8.0));
     }
 }

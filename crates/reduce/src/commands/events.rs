@@ -12,7 +12,7 @@ use crate::frame_pairs::{self, DminOfPairs, FramePair, PairWork};
 use crate::printer::Printer;
 use crate::results::{Results, vector_columns};
 use gshear_analysis::dmin::{NonAffine, RADIUS};
-use gshear_analysis::events::propagator::{Harmonic, Propagator, Quantity};
+use gshear_analysis::events::propagator::{Harmonic, Mode, Phase, Propagator, Quantity};
 use gshear_analysis::events::{
     ActiveInterval, Event, Links, PairCount, Surroundings, find, pair_counts,
 };
@@ -48,8 +48,8 @@ pub struct Arguments {
     /// Share of all D²min of free grains, the greatest ones, that are active
     #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share)]
     share: f64,
-    /// D²min from which on a grain is active, over the square of the mean radius, in place of a
-    /// share
+    /// D²min from which on a grain is active, over the square of the mean radius, instead
+    /// of a share
     #[arg(long, value_name = "D2MIN", value_parser = super::positive, conflicts_with = "share")]
     threshold: Option<f64>,
     /// Farthest distance of the centres of two grains that are linked, in mean diameters; those
@@ -89,6 +89,12 @@ pub struct Arguments {
 struct GrainCounts {
     fewest: usize,
     most: usize,
+}
+
+impl GrainCounts {
+    fn include(&self, event: &Event) -> bool {
+        (self.fewest..=self.most).contains(&event.grains)
+    }
 }
 
 impl FromStr for GrainCounts {
@@ -153,11 +159,11 @@ impl Arguments {
             gap: self.gap,
         };
         let events = find(run.grains(), &active.intervals, links, run.dimension());
-        let GrainCounts { fewest, most } = self.grains;
-        let counted = |event: &Event| (fewest..=most).contains(&event.grains);
         let mut propagator = Propagator::new(
             run.dimension(),
-            events.iter().filter(|event| counted(event)).count(),
+            (events.iter())
+                .filter(|event| self.grains.include(event))
+                .count(),
             diameter,
             reach_of(run),
         );
@@ -168,11 +174,11 @@ impl Arguments {
                 stress_ratio_drop: f64::NAN,
             })
             .collect();
-        taken.release(&mut events, |event| counted(event), &mut propagator)?;
+        taken.release(&mut events, self.grains, &mut propagator)?;
         let harmonics = propagator.harmonics();
         let large: Vec<Event> = (events.iter())
             .map(|event| &event.event)
-            .filter(|event| counted(event))
+            .filter(|event| self.grains.include(event))
             .cloned()
             .collect();
         let intervals = taken.frames.len() - 1;
@@ -408,7 +414,7 @@ impl Taken<'_> {
     fn release(
         &self,
         events: &mut [ReleasingEvent],
-        counted: impl Fn(&Event) -> bool,
+        counted: GrainCounts,
         propagator: &mut Propagator,
     ) -> Result<()> {
         let mut order: Vec<usize> = (0..events.len()).collect();
@@ -424,7 +430,7 @@ impl Taken<'_> {
                     let event = &mut events[k];
                     event.stress_drop = surroundings.stress_drop;
                     event.stress_ratio_drop = surroundings.stress_ratio_drop;
-                    if counted(&event.event) {
+                    if counted.include(&event.event) {
                         propagator.add(number, event.event.place, &surroundings.change);
                         number += 1;
                     }
@@ -438,33 +444,33 @@ impl Taken<'_> {
     fn of_events(&self, events: &[ReleasingEvent], threshold: f64) -> String {
         let steps = self.run.frame_steps();
         let times = self.run.frame_times();
-        let names = |name: &str| vector_columns(name, "", self.run.dimension());
-        let axes = self.run.dimension().axes();
-        let ends = |event: &ReleasingEvent| self.ends(&event.event);
-        let since_last = |k: usize, times: &[f64]| match k.checked_sub(1) {
-            Some(before) => times[ends(&events[k])[0]] - times[ends(&events[before])[0]],
-            None => f64::NAN,
-        };
+        let dimension = self.run.dimension();
+        let axes = dimension.axes();
+        let ends: Vec<[usize; 2]> = events.iter().map(|event| self.ends(&event.event)).collect();
+        // Frames at the starts of the event before and of each event.
+        let starts: Vec<Option<[usize; 2]>> = (0..events.len())
+            .map(|k| Some([ends[k.checked_sub(1)?][0], ends[k][0]]))
+            .collect();
         Table::of(events.iter().enumerate())
             .column("event", |(k, _)| *k)
-            .columns(["start_frame", "end_frame"], |(_, event)| ends(event))
-            .columns(["start_step", "end_step"], |(_, event)| {
-                ends(event).map(|frame| steps[frame])
+            .columns(["start_frame", "end_frame"], |(k, _)| ends[*k])
+            .columns(["start_step", "end_step"], |(k, _)| {
+                ends[*k].map(|frame| steps[frame])
             })
-            .columns(["start_time", "end_time"], |(_, event)| {
-                ends(event).map(|frame| times[frame])
+            .columns(["start_time", "end_time"], |(k, _)| {
+                ends[*k].map(|frame| times[frame])
             })
-            .columns(["start_strain", "end_strain"], |(_, event)| {
-                ends(event).map(|frame| self.strains[frame])
+            .columns(["start_strain", "end_strain"], |(k, _)| {
+                ends[*k].map(|frame| self.strains[frame])
             })
             .column("intervals", |(_, ReleasingEvent { event, .. })| {
                 event.intervals[1] - event.intervals[0] + 1
             })
-            .columns(names(""), |(_, event)| {
+            .columns(vector_columns("", "", dimension), |(_, event)| {
                 event.event.place.into_iter().take(axes)
             })
             .column("grains", |(_, event)| event.event.grains)
-            .columns(names("extent_"), |(_, event)| {
+            .columns(vector_columns("extent_", "", dimension), |(_, event)| {
                 event.event.extent.into_iter().take(axes)
             })
             .column("gyration", |(_, event)| event.event.gyration)
@@ -476,8 +482,10 @@ impl Taken<'_> {
             })
             .column("stress_drop", |(_, event)| event.stress_drop)
             .column("stress_ratio_drop", |(_, event)| event.stress_ratio_drop)
-            .column("waiting_time", |(k, _)| since_last(*k, times))
-            .column("waiting_strain", |(k, _)| since_last(*k, &self.strains))
+            .column("waiting_time", |(k, _)| waiting(starts[*k], times))
+            .column("waiting_strain", |(k, _)| {
+                waiting(starts[*k], &self.strains)
+            })
             .column("threshold", |_| threshold)
             .csv()
     }
@@ -557,6 +565,11 @@ impl PairWork for ActiveGrains<'_> {
     }
 }
 
+/// From one frame to the other; NaN without an event before.
+fn waiting(starts: Option<[usize; 2]>, times: &[f64]) -> f64 {
+    starts.map_or(f64::NAN, |[before, now]| times[now] - times[before])
+}
+
 /// What happens between the frames of pairs.
 struct SurroundingsOfPairs<'a>(&'a Taken<'a>);
 
@@ -614,6 +627,79 @@ fn of_pairs(pairs: &[PairCount], diameter: f64) -> String {
         .csv()
 }
 
+/// An amplitude of the far field that the summary prints.
+struct FarField {
+    what: &'static str,
+    mode: Mode,
+    unit: &'static str,
+}
+
+static FAR_FIELD: [FarField; 7] = [
+    FarField {
+        what: "radial displacement, sin 2θ",
+        mode: Mode {
+            quantity: Quantity::Radial,
+            order: 2,
+            phase: Phase::Sin,
+        },
+        unit: "m",
+    },
+    FarField {
+        what: "radial displacement, all around",
+        mode: Mode {
+            quantity: Quantity::Radial,
+            order: 0,
+            phase: Phase::Cos,
+        },
+        unit: "m",
+    },
+    FarField {
+        what: "tangential displacement, cos 2θ",
+        mode: Mode {
+            quantity: Quantity::Tangential,
+            order: 2,
+            phase: Phase::Cos,
+        },
+        unit: "m",
+    },
+    FarField {
+        what: "tangential displacement, all around",
+        mode: Mode {
+            quantity: Quantity::Tangential,
+            order: 0,
+            phase: Phase::Cos,
+        },
+        unit: "m",
+    },
+    FarField {
+        what: "change of the shear stress, cos 4θ",
+        mode: Mode {
+            quantity: Quantity::Shear,
+            order: 4,
+            phase: Phase::Cos,
+        },
+        unit: "Pa",
+    },
+    FarField {
+        what: "change of the shear stress, all around",
+        mode: Mode {
+            quantity: Quantity::Shear,
+            order: 0,
+            phase: Phase::Cos,
+        },
+        unit: "Pa",
+    },
+    FarField {
+        what: "change of the pressure, sin 2θ",
+        mode: Mode {
+            quantity: Quantity::Pressure,
+            order: 2,
+            phase: Phase::Sin,
+        },
+        unit: "Pa",
+    },
+];
+
 /// Prints how many events there are, and their far field.
 fn summary(
     events: &[ReleasingEvent],
@@ -632,11 +718,6 @@ fn summary(
         "{} events in {intervals} intervals, of up to {most} grains; {counted} count for the propagator",
         events.len()
     )?;
-    let amplitude = |quantity: Quantity, order: usize, is_sine: bool| {
-        let mut far = harmonics.iter().filter(|harmonic| harmonic.is_far);
-        let found = far.find(|h| (h.quantity, h.order) == (quantity, order));
-        found.map(|h| if is_sine { h.sin } else { h.cos })
-    };
     let Some(far) = harmonics.iter().find(|harmonic| harmonic.is_far) else {
         return Ok(());
     };
@@ -645,58 +726,10 @@ fn summary(
         "mean far field from {:.3e} m to {:.3e} m, at {:.3e} m, with standard errors:",
         far.ring[0], far.ring[1], far.at
     )?;
-    for (what, quantity, order, is_sine, unit) in [
-        (
-            "radial displacement, sin 2θ",
-            Quantity::Radial,
-            2,
-            true,
-            "m",
-        ),
-        (
-            "radial displacement, all around",
-            Quantity::Radial,
-            0,
-            false,
-            "m",
-        ),
-        (
-            "tangential displacement, cos 2θ",
-            Quantity::Tangential,
-            2,
-            false,
-            "m",
-        ),
-        (
-            "tangential displacement, all around",
-            Quantity::Tangential,
-            0,
-            false,
-            "m",
-        ),
-        (
-            "change of the shear stress, cos 4θ",
-            Quantity::Shear,
-            4,
-            false,
-            "Pa",
-        ),
-        (
-            "change of the shear stress, all around",
-            Quantity::Shear,
-            0,
-            false,
-            "Pa",
-        ),
-        (
-            "change of the pressure, sin 2θ",
-            Quantity::Pressure,
-            2,
-            true,
-            "Pa",
-        ),
-    ] {
-        let [value, error] = amplitude(quantity, order, is_sine).unwrap_or([f64::NAN; 2]);
+    for FarField { what, mode, unit } in &FAR_FIELD {
+        let mut far = harmonics.iter().filter(|harmonic| harmonic.is_far);
+        let found = far.find_map(|harmonic| mode.amplitude(harmonic));
+        let [value, error] = found.unwrap_or([f64::NAN; 2]);
         writeln!(printer, "  {what:<40}{value:>11.3e} ± {error:.1e} {unit}")?;
     }
     Ok(())
