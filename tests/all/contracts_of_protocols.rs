@@ -2,10 +2,10 @@
 //! spring: bits compared, never approximately.
 
 use crate::common::protocols::{
-    Case, DISKS, DISKS_BELOW_A_FREE_SURFACE, DISKS_UNDER_A_SERVO, DISKS_WITHOUT_WALLS, SPHERES,
-    SPHERES_BELOW_A_FREE_SURFACE, SPHERES_BETWEEN_FLAT_WALLS, SPHERES_UNDER_A_FLAT_TOP,
-    SPHERES_UNDER_A_SERVO, SPHERES_UNDER_A_SPRING, SPHERES_WITHOUT_WALLS,
-    SPHERES_WITHOUT_WALLS_UNDER_A_SERVO,
+    Case, DISKS, DISKS_BELOW_A_FREE_SURFACE, DISKS_IN_A_CHANGING_CELL, DISKS_UNDER_A_SERVO,
+    DISKS_WITHOUT_WALLS, SPHERES, SPHERES_BELOW_A_FREE_SURFACE, SPHERES_BETWEEN_FLAT_WALLS,
+    SPHERES_IN_A_CHANGING_CELL, SPHERES_UNDER_A_FLAT_TOP, SPHERES_UNDER_A_SERVO,
+    SPHERES_UNDER_A_SPRING, SPHERES_WITHOUT_WALLS, SPHERES_WITHOUT_WALLS_UNDER_A_SERVO,
 };
 use crate::common::{self, copy_folder, gshear_mpi, reducer, same_run};
 use gshear_dem::state::body;
@@ -99,6 +99,16 @@ fn of_disks_without_walls() {
 #[test]
 fn of_spheres_without_walls() {
     keeps_the_contracts(&SPHERES_WITHOUT_WALLS);
+}
+
+#[test]
+fn of_disks_in_a_changing_cell() {
+    keeps_the_contracts(&DISKS_IN_A_CHANGING_CELL);
+}
+
+#[test]
+fn of_spheres_in_a_changing_cell() {
+    keeps_the_contracts(&SPHERES_IN_A_CHANGING_CELL);
 }
 
 #[test]

@@ -12,6 +12,7 @@ mod box_rolling;
 mod box_runs;
 mod box_stages;
 mod branches;
+mod changing_cells;
 mod checkpoint;
 #[path = "../common/mod.rs"]
 mod common;

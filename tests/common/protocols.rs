@@ -156,6 +156,22 @@ pub const DISKS_WITHOUT_WALLS: Case = Case {
     ..DISKS
 };
 
+/// Disks without walls in a cell whose length changes as well, over the seam.
+pub const DISKS_IN_A_CHANGING_CELL: Case = Case {
+    parts: &[
+        "velocity = 3, time = 4e-6, stress_xx = 2e5",
+        "velocity = -3, ramp = 6e-8, time = 1e-7, pressure = 3e5, stress_xx = 2e5, stress_xx_end = 4e5",
+        "velocity = 0.3, time = 1e-7, mean_pressure = 6e5",
+        "velocity = 0.3, time = 1e-7, mean_pressure = 6e5, mean_pressure_end = 8e5",
+        "velocity = 0.3, time = 1e-7, pressure = 6e5",
+        "velocity = 0.3, time = 1e-7, strain_xx = 0.01",
+        "velocity = 0.3, time = 1e-7, wall_velocity = -0.02, strain_xx = -0.01",
+        "shear_stress = 2e5, time = 1e-7, stress_xx = 6e5, pressure = 6e5",
+        "strain_amplitude = 0.002, frequency = 1e7, cycles = 1.25, mean_pressure = 6e5",
+    ],
+    ..DISKS_WITHOUT_WALLS
+};
+
 /// Spheres in it, under a spring.
 pub const SPHERES_WITHOUT_WALLS: Case = Case {
     sample: &[
@@ -178,6 +194,17 @@ pub const SPHERES_WITHOUT_WALLS: Case = Case {
         "strain_amplitude = 0.003, frequency = 1e4, cycles = 1.25, wall_velocity = 0",
     ],
     ..SPHERES_UNDER_A_SPRING
+};
+
+/// Spheres without walls in a cell whose length and width change as well, by a servo.
+pub const SPHERES_IN_A_CHANGING_CELL: Case = Case {
+    parts: &[
+        "velocity = 8, time = 1e-3, stress_xx = 1.1e5, stress_yy = 9e4",
+        "velocity = 3, time = 1e-4, pressure = 8e4, pressure_end = 1.2e5, strain_yy = 0.002",
+        "velocity = -3, time = 1e-4, mean_pressure = 1e5",
+        "velocity = 3, time = 1e-4, wall_velocity = 0, strain_xx = 0.002, stress_yy = 1e5",
+    ],
+    ..SPHERES_WITHOUT_WALLS_UNDER_A_SERVO
 };
 
 /// The same under the servo.

@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 
 use crate::columns::Column;
 use crate::protocol::Protocol;
-use crate::state::{FlowRow, ImposedRow, SeriesRow, StressRow, TemperatureRow, body};
+use crate::state::{FlowRow, ImposedRow, LateralRow, SeriesRow, StressRow, TemperatureRow, body};
 
 /// What is at one end of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -225,11 +225,11 @@ pub static PERIODIC: Boundary = Boundary {
         },
         Meaning {
             column: "normal_force",
-            doc: "N, normal stress of the cell along its height, times its base",
+            doc: "N, normal stress of the cell along its height, times its base at the start",
         },
         Meaning {
             column: "shear_force",
-            doc: "S, shear stress of the cell against the motion of the images, times its base",
+            doc: "S, shear stress of the cell against the motion of the images, times its base at the start",
         },
         Meaning {
             column: "wall_height",
@@ -257,11 +257,11 @@ pub static PERIODIC: Boundary = Boundary {
         },
         Meaning {
             column: "work_load",
-            doc: "work of the load on the sample, or of a height that is driven",
+            doc: "work of the stresses that change the lengths of the cell on the sample",
         },
         Meaning {
             column: "imposed_normal_force",
-            doc: "N imposed on the cell; NaN while the velocity of its height is imposed",
+            doc: "N imposed on the cell, or the mean stress times the base at the start; NaN while the height is driven",
         },
         Meaning {
             column: "imposed_shear_force",
@@ -295,6 +295,8 @@ pub const WALLS_KEYS: [&str; 4] = ["layers", "types", "flat", "flat-top"];
 pub struct FurtherColumns {
     /// Those of [`ImposedRow`] ([`Boundary::shows_imposed`]).
     pub imposed: bool,
+    /// Those of [`LateralRow`] ([`Protocol::has_lateral`]).
+    pub lateral: bool,
     /// Those of [`TemperatureRow`] (`output.temperatures`).
     pub temperatures: bool,
 }
@@ -303,8 +305,18 @@ impl FurtherColumns {
     /// All of them.
     pub const ALL: Self = Self {
         imposed: true,
+        lateral: true,
         temperatures: true,
     };
+
+    /// All combinations.
+    fn combinations() -> impl Iterator<Item = Self> {
+        (0..8).map(|bits| Self {
+            imposed: bits & 1 != 0,
+            lateral: bits & 2 != 0,
+            temperatures: bits & 4 != 0,
+        })
+    }
 }
 
 impl Boundary {
@@ -460,31 +472,38 @@ impl Boundary {
 
     /// Columns of the time series: those of [`SeriesRow`], of [`ImposedRow`] if there are some, of
     /// [`StressRow`] if there are no walls, of [`FlowRow`] below a free surface, and of
-    /// [`TemperatureRow`] if there are some.
+    /// [`LateralRow`] and [`TemperatureRow`] if there are some.
     pub fn series_columns(&self, further: FurtherColumns) -> &'static [Column] {
-        static ALL: LazyLock<Vec<[[Vec<Column>; 2]; 2]>> = LazyLock::new(|| {
+        type OfKind = Vec<(FurtherColumns, Vec<Column>)>;
+        static ALL: LazyLock<Vec<OfKind>> = LazyLock::new(|| {
             let kinds = KINDS.into_iter();
-            let of_imposed = [&[][..], &ImposedRow::COLUMNS];
-            let of_temperatures = [&[][..], &TemperatureRow::COLUMNS];
-            kinds
-                .map(|kind| {
-                    of_imposed.map(|imposed| {
-                        of_temperatures.map(|temperatures| {
-                            let own = kind.further_columns();
-                            let columns = [&SeriesRow::COLUMNS, imposed, own, temperatures];
-                            let columns = columns.into_iter().flatten();
-                            columns.map(|column| kind.meant(*column)).collect()
-                        })
-                    })
-                })
-                .collect()
+            let of_kind = |kind: &Boundary| {
+                let all = FurtherColumns::combinations();
+                all.map(|further| (further, kind.columns_with(further)))
+                    .collect()
+            };
+            kinds.map(of_kind).collect()
         });
-        let FurtherColumns {
-            imposed,
-            temperatures,
-        } = further;
         let kind = KINDS.iter().position(|kind| *kind == self);
-        &ALL[kind.unwrap_or_default()][usize::from(imposed)][usize::from(temperatures)]
+        let mut combinations = ALL[kind.unwrap_or_default()].iter();
+        let columns = combinations.find(|(combination, _)| *combination == further);
+        columns.map_or(&[], |(_, columns)| columns)
+    }
+
+    /// [`Boundary::series_columns`], made anew.
+    fn columns_with(&self, further: FurtherColumns) -> Vec<Column> {
+        let mut columns = SeriesRow::COLUMNS.to_vec();
+        if further.imposed {
+            columns.extend(ImposedRow::COLUMNS);
+        }
+        columns.extend(self.further_columns());
+        if further.lateral {
+            columns.extend(LateralRow::COLUMNS);
+        }
+        if further.temperatures {
+            columns.extend(TemperatureRow::COLUMNS);
+        }
+        columns.iter().map(|column| self.meant(*column)).collect()
     }
 
     /// The columns of the time series of all kinds.

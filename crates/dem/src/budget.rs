@@ -45,6 +45,9 @@ pub(crate) struct NormalWork {
     pub work: f64,
     /// Forces on top and bottom in the last step, upwards (N; N/m in 2D).
     pub force: [f64; 2],
+    /// Forces on the sides of a cell without walls, outwards (N; N/m in 2D).
+    #[serde(default, skip_serializing_if = "is_nothing")]
+    pub lateral: [f64; 2],
 }
 
 impl NormalWork {
@@ -54,12 +57,16 @@ impl NormalWork {
         Self {
             work: -piston.load * (piston.height - begin.height) - kinetic,
             force: [piston.load + piston.mass * piston.acceleration, 0.0],
+            lateral: [0.0; 2],
         }
     }
 
-    fn push(&mut self, force: [f64; 2], rose: [f64; 2]) {
-        for ((last, force), rose) in self.force.iter_mut().zip(force).zip(rose) {
-            self.work -= 0.5 * (*last + force) * rose;
+    fn push(&mut self, forces: &WallForces, rose: [f64; 2], grew: [f64; 2]) {
+        let walls = [forces.up, forces.bottom].into_iter().zip(rose);
+        let sides = forces.lateral.into_iter().zip(grew);
+        let last = self.force.iter_mut().chain(&mut self.lateral);
+        for (last, (force, moved)) in last.zip(walls.chain(sides)) {
+            self.work -= 0.5 * (*last + force) * moved;
             *last = force;
         }
     }
@@ -199,7 +206,7 @@ impl EnergyBudget {
         self.force = along;
         if let Some(rose) = moved.normal {
             let normal = self.normal.get_or_insert_default();
-            normal.push([forces.up, forces.bottom], rose);
+            normal.push(forces, rose, moved.lateral);
         }
     }
 

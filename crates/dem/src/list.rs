@@ -62,9 +62,10 @@ pub struct List {
     pub(crate) lasting: u64,
     /// By how much rounding may move a grain in a step (m).
     rounding: f64,
-    /// How far the images have moved since then along x (m), and the height of the cell then (m).
+    /// How far the images have moved since then along x (m), and the lengths of the cell then (m);
+    /// infinite between walls.
     images_moved: f64,
-    height: f64,
+    lengths: [f64; 3],
     /// Positions of the owned grains at the last rebuild.
     origin: Vec<[f64; 3]>,
     /// Heights of planes then (m).
@@ -95,7 +96,7 @@ impl List {
             wished,
             range,
             every: settings.rebuild_every,
-            height: f64::INFINITY,
+            lengths: [f64::INFINITY; 3],
             ..Self::default()
         })
     }
@@ -116,7 +117,7 @@ impl List {
         self.travelled.clear();
         self.travelled.resize(bands, 0.0);
         self.images_moved = 0.0;
-        self.height = cell.sheared.map_or(f64::INFINITY, |sheared| sheared.height);
+        self.lengths = changing_lengths::<D>(cell);
         self.built = step;
         self.rebuilds += 1;
         self.origin.clear();
@@ -195,6 +196,8 @@ impl List {
         looks: bool,
     ) -> bool {
         let cell = &motion.cell;
+        let half_stretch = cell.sheared.map_or(1.0, |sheared| sheared.half_stretch);
+        self.images_moved *= half_stretch * half_stretch;
         self.images_moved += images_step(motion.step, cell);
         let half = 0.5 * self.skin;
         self.bound += way;
@@ -217,7 +220,7 @@ impl List {
         let planes = planes.into_iter().flatten().zip(self.planes);
         let of_planes = planes.fold(0.0, |most: f64, (now, then)| most.max((now - then).abs()));
         let of_grains = self.displacement(grains, cell).max(of_planes);
-        let exact = of_grains + 0.5 * self.cutoff() * self.strain(cell);
+        let exact = of_grains + 0.5 * self.cutoff() * self.strain::<D>(cell);
         self.bound = exact;
         self.unsound = way.is_nan() || exact.is_nan() || exact + since > half;
         // Slightly early, which avoids looking at every grain in every step.
@@ -234,10 +237,12 @@ impl List {
 
     /// The strain of the cell since the last rebuild, at most: by this part a pair may have
     /// approached besides the displacements.
-    fn strain(&self, cell: &Cell) -> f64 {
+    fn strain<D: Dimension>(&self, cell: &Cell) -> f64 {
         cell.sheared.map_or(0.0, |sheared| {
             let sheared_by = self.images_moved / sheared.height;
-            sheared_by.abs() + (sheared.height / self.height - 1.0).abs()
+            let lengths = changing_lengths::<D>(cell).into_iter().zip(self.lengths);
+            let strains = lengths.map(|(now, then)| (now / then - 1.0).abs());
+            sheared_by.abs() + strains.sum::<f64>()
         })
     }
 
@@ -258,13 +263,17 @@ impl List {
 
     /// Squared displacements of the owned grains besides that of the cell (m²).
     fn squares<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> impl Iterator<Item = f64> {
-        let height = cell.sheared.map_or(f64::INFINITY, |sheared| sheared.height);
-        let moves = height != self.height || self.images_moved != 0.0;
-        let (grows, shears) = (height / self.height, self.images_moved / height);
+        let lengths = changing_lengths::<D>(cell);
+        let moves = lengths != self.lengths || self.images_moved != 0.0;
+        let then = self.lengths;
+        let grows: [f64; 3] = std::array::from_fn(|axis| lengths[axis] / then[axis]);
+        let shears = self.images_moved / lengths[D::UP];
         self.origin.iter().zip(&grains.record).map(move |(o, r)| {
             let mut carried = *o;
             if moves {
-                carried[D::UP] *= grows;
+                for axis in 0..D::AXES {
+                    carried[axis] *= grows[axis];
+                }
                 carried[0] += shears * carried[D::UP];
             }
             let moved = cell.separation::<D>(D::fields(r), &carried);
@@ -337,7 +346,15 @@ impl List {
 
 /// How far the images above move along x in a `step` (s, m).
 fn images_step(step: f64, cell: &Cell) -> f64 {
-    step * cell.sheared.map_or(0.0, |s| s.half_velocity)
+    cell.sheared.map_or(0.0, |s| s.step_of_images(step))
+}
+
+/// The lengths of a cell that may change (m): infinite between walls.
+fn changing_lengths<D: Dimension>(cell: &Cell) -> [f64; 3] {
+    match cell.sheared {
+        Some(_) => cell.lengths::<D>(),
+        None => [f64::INFINITY; 3],
+    }
 }
 
 /// Mean distance in memory of the two grains of a pair of one body, in grains.
@@ -397,7 +414,7 @@ mod tests {
         ] {
             let mut list = List {
                 skin: 1.0,
-                height: f64::INFINITY,
+                lengths: [f64::INFINITY; 3],
                 origin: vec![[5.0, 5.0, 0.0]],
                 ..List::default()
             };

@@ -190,11 +190,17 @@ fn translate<D: Dimension, const SECOND_KICK_DEFERRED: bool>(
     for axis in 0..D::AXES {
         r[D::VELOCITY + axis] = v[axis] + dv[axis];
     }
+    let height = r[D::UP];
     if let Some(streaming) = streaming {
         r[D::UP] *= streaming.stretches[0];
     }
-    for axis in 0..D::AXES {
-        r[axis] += step * v[axis];
+    if let Some(lateral) = streaming.and_then(|streaming| streaming.lateral) {
+        r[D::UP] += step * v[D::UP];
+        lateral.drift::<D>(r, &v, height, step);
+    } else {
+        for axis in 0..D::AXES {
+            r[axis] += step * v[axis];
+        }
     }
     if let Some(streaming) = streaming {
         r[D::VELOCITY + D::UP] *= streaming.stretches[1];

@@ -11,13 +11,13 @@ use crate::contact::model::PairModel;
 use crate::contact::{TORQUES, dissipation};
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
-use crate::drive::{MovingBoundary, Top};
+use crate::drive::{LateralLengths, MovingBoundary, Top};
 use crate::failure::{Failure, Result};
 use crate::kernel::ContactForces;
 use crate::simd::{Lanes, Work};
 use crate::state::{
-    Cell, ContactSample, FlowRow, GrainSample, Grains, ImposedRow, SeriesRow, StressRow, Touching,
-    body,
+    Cell, ContactSample, FlowRow, GrainSample, Grains, ImposedRow, LateralRow, SeriesRow,
+    StressRow, Touching, body,
 };
 use crate::system::System;
 
@@ -463,6 +463,17 @@ pub fn imposed(top: &Top) -> ImposedRow {
         imposed_normal_force: normal,
         imposed_shear_force: shear,
         bottom_displacement: top.bottom_displacement(),
+    }
+}
+
+/// The lengths of a cell that change across its height.
+pub fn lateral(lengths: &LateralLengths) -> LateralRow {
+    let state = &lengths.state;
+    let length = |axis: usize| state.axes.get(axis).map_or(f64::NAN, |axis| axis.height);
+    LateralRow {
+        length_x: length(0),
+        length_y: length(1),
+        unwrapped_offset: state.unwrapped_offset,
     }
 }
 

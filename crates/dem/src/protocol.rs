@@ -75,6 +75,7 @@ impl Part {
                 Normal::Velocity(velocity) => Normal::Velocity(velocity),
             }),
             bottom: self.imposed.bottom.map(|height| wave(height, 1.0)),
+            lateral: self.imposed.lateral,
         }
     }
 
@@ -114,6 +115,29 @@ pub struct Imposed {
     pub normal: Option<Normal>,
     /// The displacement of the bottom along its normal (m), if it vibrates.
     pub bottom: Option<Wave>,
+    /// The lengths of a cell without walls across its height, if they change; either all segments
+    /// of a protocol have it or none.
+    pub lateral: Option<Lateral>,
+}
+
+/// How the lengths of a cell without walls across its height change.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Lateral {
+    /// All lengths change by the same factor, and the load is of the mean of the normal stresses.
+    Isotropic,
+    /// Along x, and in 3D along y.
+    Axes([LateralAxis; 2]),
+}
+
+/// What is imposed along an axis across the height of a cell without walls.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LateralAxis {
+    /// The length stays.
+    Fixed,
+    /// The normal stress (Pa), compression positive.
+    Stress(Course),
+    /// The natural strain over the segment, compression positive, at a constant rate.
+    Strain(f64),
 }
 
 /// What is imposed along x.
@@ -226,6 +250,7 @@ impl From<Along> for Imposed {
             along,
             normal: None,
             bottom: None,
+            lateral: None,
         }
     }
 }
@@ -346,6 +371,12 @@ impl Protocol {
         self.has_normal
     }
 
+    /// Whether the lengths of the cell across its height change.
+    pub fn has_lateral(&self) -> bool {
+        let mut segments = self.segments.iter();
+        segments.any(|segment| segment.imposed.lateral.is_some())
+    }
+
     /// Whether the bottom vibrates.
     pub fn has_bottom(&self) -> bool {
         self.has_bottom
@@ -371,6 +402,8 @@ impl Protocol {
                 along,
                 normal,
                 bottom,
+                // They move by little in a step.
+                lateral: _,
             } = segment.imposed;
             let along = match along {
                 Along::Velocity(velocity) => velocity.abs(),
@@ -490,9 +523,27 @@ impl Protocol {
             };
             let bottom = one.imposed.bottom == two.imposed.bottom
                 && (one.imposed.bottom.is_none() || same_start);
-            along && normal && bottom
+            let lateral = same_lateral(&one.imposed, &two.imposed, course)
+                && (one.imposed.lateral.is_none() || same_start);
+            along && normal && bottom && lateral
         })
     }
+}
+
+/// Whether both impose the same across the height of a cell; `same_course`: whether two stresses
+/// do.
+fn same_lateral(
+    one: &Imposed,
+    two: &Imposed,
+    same_course: impl Fn(&Course, &Course) -> bool,
+) -> bool {
+    let (Some(Lateral::Axes(one)), Some(Lateral::Axes(two))) = (one.lateral, two.lateral) else {
+        return one.lateral == two.lateral;
+    };
+    one.iter().zip(&two).all(|axes| match axes {
+        (LateralAxis::Stress(one), LateralAxis::Stress(two)) => same_course(one, two),
+        (one, two) => one == two,
+    })
 }
 
 /// Whether the segments of the step after `at` steps were planned with the same length.

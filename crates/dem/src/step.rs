@@ -19,11 +19,11 @@ use crate::budget::EnergyBudget;
 use crate::clock::StepPhase;
 use crate::dimension::Dimension;
 use crate::domain::Exchange;
-use crate::drive::{Drive, FlowSum, MomentumFlow, WallGrains, WallSteps, WallSums};
+use crate::drive::{Drive, FlowSum, MomentumFlow, NeededStress, WallGrains, WallSteps, WallSums};
 use crate::failure::{Outside, Result};
 use crate::kernel::{ContactForces, Counting, PairForce, PassInput, PassOutcome};
 use crate::motion::{GrainMotion, Moved, greater_or_nan, slow_down, weigh};
-use crate::state::{Grains, Sheared};
+use crate::state::Grains;
 use crate::sum_over_ranks::{FLAGS, SumOverRanks};
 use crate::system::System;
 use crate::threads::{BandForces, ShareWork, SharesInput};
@@ -141,7 +141,7 @@ fn steps_at_once<D: Dimension>(
         || system.cell.sheared.is_some()
         || drive.drag().is_some()
         || drive.planes().is_some()
-        || drive.needs_stress(false);
+        || drive.needed_stress(false) != NeededStress::Nothing;
     if is_alone {
         return 1;
     }
@@ -339,12 +339,12 @@ impl<D: Dimension> Sweep<'_, D> {
         let Self { system, drive, .. } = self;
         let time_step = system.step;
         drive.drift_cell(time_step, &mut system.cell, &system.grains);
-        if let Some(Sheared { half_velocity, .. }) = system.cell.sheared
-            && half_velocity != 0.0
+        if let Some(sheared) = system.cell.sheared
+            && sheared.half_velocity != 0.0
         {
-            system.shear(time_step * half_velocity);
+            system.shear(sheared.step_of_images(time_step));
         }
-        let is_stressed = drive.needs_stress(self.request.samples.is_some());
+        let stress = drive.needed_stress(self.request.samples.is_some());
         let motion = GrainMotion {
             isa: system.isa,
             units: system.grains.units,
@@ -352,7 +352,7 @@ impl<D: Dimension> Sweep<'_, D> {
             step: time_step,
             cell: system.cell,
             streaming: drive.streaming(),
-            is_stressed,
+            is_stressed: stress != NeededStress::Nothing,
             // With a single band, the walls drift before any grain moves.
             walls: match system.bands.count() {
                 1 => None,
@@ -361,7 +361,7 @@ impl<D: Dimension> Sweep<'_, D> {
         };
         drive.predict_cell(time_step, &mut system.cell);
         let samples = self.request.samples.as_deref_mut();
-        let input = begin_forces(system, time_step, is_stressed, samples);
+        let input = begin_forces(system, time_step, stress, samples);
         self.steps.push(StepUnderWay {
             motion,
             input,
@@ -645,6 +645,7 @@ pub fn initial_forces<D: Dimension>(
         let at_rest = WallSteps {
             along: 0.0,
             normal: drive.moved().normal.map(|_| [0.0; 2]),
+            lateral: [0.0; 2],
         };
         budget.push(&load, at_rest);
     }
@@ -675,8 +676,8 @@ pub fn forces<D: Dimension>(
     system.grains.force[..owned].fill(Zeroable::zeroed());
     // The grains may have been put elsewhere.
     system.contacts.wake();
-    let is_stressed = drive.needs_stress(samples.is_some());
-    let input = begin_forces(system, step, is_stressed, samples.as_deref_mut());
+    let stress = drive.needed_stress(samples.is_some());
+    let input = begin_forces(system, step, stress, samples.as_deref_mut());
     let Grains {
         force,
         mass,
@@ -722,7 +723,7 @@ pub fn forces<D: Dimension>(
     let outcomes = within_shares.into_iter().chain(others);
     let outcome = outcomes.fold(PassOutcome::default(), PassOutcome::merge);
     pool.gather(bands, &mut grains.force);
-    system.count(&outcome, is_stressed);
+    system.count(&outcome, stress != NeededStress::Nothing);
     let unsound = system.list.unsound.then_some(Outside::Number);
     let of_pairs = outcome.failures().next();
     at_plane.map(Outside::Plane).or(of_pairs).or(unsound)
@@ -733,7 +734,7 @@ pub fn forces<D: Dimension>(
 fn begin_forces<D: Dimension>(
     system: &mut System<D>,
     step: f64,
-    is_stressed: bool,
+    stress: NeededStress,
     samples: Option<&mut ContactForces>,
 ) -> PassInput {
     let System {
@@ -760,11 +761,15 @@ fn begin_forces<D: Dimension>(
         step,
         travelled: None,
         is_cold: size_of_val(&grains.record[..]) > CACHED,
-        counting: (is_stressed || budget.is_some()).then(|| Counting {
+        counting: (stress != NeededStress::Nothing || budget.is_some()).then(|| Counting {
             unit: budget.as_ref().map(EnergyBudget::unit),
             step: *full_step,
             height: match cell.sheared {
-                Some(sheared) if is_stressed => Some(sheared.height),
+                Some(sheared) if stress != NeededStress::Nothing => Some(sheared.height),
+                _ => None,
+            },
+            lateral: match stress {
+                NeededStress::AlongAllAxes => Some(cell.periods),
                 _ => None,
             },
         }),

@@ -2,7 +2,7 @@
 
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
-use crate::drive::{Drive, Felt, WallForces, WallSums};
+use crate::drive::{Drive, Felt, SummedForces, WallForces, WallSums};
 use crate::failure::Result;
 use crate::system::System;
 
@@ -10,15 +10,16 @@ use crate::system::System;
 pub(crate) const FLAGS: usize = 4;
 const FORCES_AT: usize = 1 + FLAGS;
 const FORCE: usize = LIMBS + 1;
-const MESSAGE: usize = FORCES_AT + 3 * FORCE;
-/// Size of the message that the ranks sum in every step (bytes), without the force on the bottom.
-pub const MESSAGE_BYTES: usize = (MESSAGE - FORCE) * size_of::<i64>();
+const FORCES: usize = 5;
+const MESSAGE: usize = FORCES_AT + FORCES * FORCE;
+/// Size of the message that the ranks sum in every step (bytes), if it has the forces on the top.
+pub const MESSAGE_BYTES: usize = (FORCES_AT + 2 * FORCE) * size_of::<i64>();
 
 /// A sum over the ranks in one message, under way: whether something failed, flags that are set if
 /// they are set on some rank, and the forces on the walls.
 pub(crate) struct SumOverRanks {
     message: [i64; MESSAGE],
-    /// Its length: the force on the bottom is last, and left out if the drive does not ask for it.
+    /// Its length: the forces that the drive does not ask for are last, and left out.
     length: usize,
     failure: Option<String>,
 }
@@ -44,12 +45,17 @@ impl SumOverRanks {
         for (to, flag) in message[1..FORCES_AT].iter_mut().zip(flags) {
             *to = i64::from(flag);
         }
-        let sums = [load.up, load.along, load.bottom];
+        let [x, y] = load.lateral;
+        let sums = [load.up, load.along, load.bottom, x, y];
         for (sum, limbs) in sums.iter().zip(message[FORCES_AT..].chunks_mut(FORCE)) {
             sum.write(limbs);
         }
-        let left_out = if drive.has_bottom_force() { 0 } else { FORCE };
-        let length = MESSAGE - left_out;
+        let forces = match drive.summed_forces() {
+            SummedForces::OnTop => 2,
+            SummedForces::OnTopAndBottom => 3,
+            SummedForces::All => FORCES,
+        };
+        let length = FORCES_AT + forces * FORCE;
         exchange.begin_sum(&message[..length]);
         Self {
             message,
@@ -77,11 +83,18 @@ impl SumOverRanks {
             let limbs = &message[FORCES_AT + k * FORCE..][..FORCE];
             system.fixed.value(Accumulator::read(limbs))
         };
-        let forces @ [up, along, bottom] = [0, 1, 2].map(force);
+        let forces: [f64; FORCES] = std::array::from_fn(force);
+        let [up, along, bottom, lateral @ ..] = forces;
         if message[0] > 0 || forces.iter().any(|force| force.is_nan()) {
             return Err(system.fail(exchange, failure));
         }
         let flags = std::array::from_fn(|k| message[1 + k] > 0);
-        Ok((WallForces { up, along, bottom }, flags))
+        let forces = WallForces {
+            up,
+            along,
+            bottom,
+            lateral,
+        };
+        Ok((forces, flags))
     }
 }

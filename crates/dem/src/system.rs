@@ -9,7 +9,7 @@ use crate::dimension::Dimension;
 use crate::domain::{Exchange, FixedPoint, Slabs};
 use crate::drive::{Drive, FlowSum, WallGrains, WallVelocities};
 use crate::failure::{Failure, Outside, Result};
-use crate::kernel::{PairForce, PassOutcome};
+use crate::kernel::{PairForce, PassOutcome, STRESSES};
 use crate::list::{Diameters, reach};
 pub use crate::list::{List, ListSettings, THICKEST_SKIN};
 use crate::neighbour::{self, LocalExtent};
@@ -74,7 +74,7 @@ pub struct System<D: Dimension> {
     pub budget: Option<EnergyBudget>,
     /// [`PassOutcome::stress`](crate::kernel::PassOutcome::stress) of the last step with its
     /// kinetic part, if it was counted.
-    pub(crate) stress: Option<[i128; 2]>,
+    pub(crate) stress: Option<[i128; STRESSES]>,
     /// Counts processor time, if it is given.
     thread_clock: Option<ThreadClock>,
     /// Number of blocks of pairs that all steps have evaluated.
@@ -373,6 +373,10 @@ impl<D: Dimension> System<D> {
         law: &dyn PairForce<D>,
         drive: &mut dyn Drive<D>,
     ) -> Result<()> {
+        if self.cell.sheared.is_some() {
+            // Its lengths may have changed.
+            self.set_cell(exchange, self.cell)?;
+        }
         let lasted = self.steps - self.list.built;
         self.list.adapt(lasted);
         if exchange.size() > 1 || self.list.is_scattered() {

@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 use gshear_dem::budget::SavedBudget;
 use gshear_dem::columns::Column;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
-use gshear_dem::drive::{Piston, SliderState};
+use gshear_dem::drive::{LateralState, Piston, SliderState};
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Cell, Sheared, Snapshot};
 use gshear_dem::until::Checks;
@@ -160,6 +160,9 @@ pub struct ShearHeader {
     /// Of a cell without walls: the Lees–Edwards offset (m) and the velocity of the images (m/s).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub images: Option<[f64; 2]>,
+    /// The lengths of a cell without walls across its height, if they change.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lateral: Option<LateralState>,
     /// The parts of the protocol that a condition has ended.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ends: Vec<PartEnd>,
@@ -202,9 +205,13 @@ impl ShearHeader {
             half_velocity: velocity,
             ..Sheared::upright(self.piston.height)
         });
-        Cell {
+        let cell = Cell {
             sheared,
             ..sample.cell()
+        };
+        match &self.lateral {
+            Some(lateral) => lateral.in_cell(cell),
+            None => cell,
         }
     }
 

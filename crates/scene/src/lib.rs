@@ -60,6 +60,7 @@ pub mod insertion;
 mod keys;
 pub mod lammps_data;
 mod lammps_dump;
+mod lateral;
 mod law;
 mod load;
 mod materials;

@@ -3,6 +3,7 @@
 use std::ops::Bound;
 
 use gshear_dem::boundary::Boundary;
+use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Result;
 use gshear_dem::laws::Law;
 use gshear_dem::laws::keys::{ANY, Bounds, Change, Key, KeyReader, POSITIVE};
@@ -13,6 +14,7 @@ use gshear_dem::wave::Wave;
 use crate::checker::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
 use crate::grains::Sample;
+use crate::lateral::{self, LATERAL_KEYS};
 use crate::load::Load;
 use crate::part_values::{PartRules, PartValues};
 use crate::table::table;
@@ -95,6 +97,25 @@ table! {
         /// instead of a pressure: velocity of the top wall away from the bottom wall; 0 is a
         /// constant volume
         wall_velocity: Number(ANY) { unit: "m/s" },
+        /// without walls: mean of the normal stresses, under which all lengths of the cell change by
+        /// the same factor
+        mean_pressure: Number(POSITIVE) { unit: "Pa" },
+        /// the mean at the end of a linear ramp
+        mean_pressure_end: Number(POSITIVE) { unit: "Pa" },
+        /// without walls: normal stress along x, under which the length of the cell changes;
+        /// without it and `strain_xx` the length stays
+        stress_xx: Number(POSITIVE) { unit: "Pa" },
+        /// the stress at the end of a linear ramp
+        stress_xx_end: Number(POSITIVE) { unit: "Pa" },
+        /// without walls: natural strain of the length over the part, at a constant rate,
+        /// compression positive
+        strain_xx: Number(ANY) {},
+        /// in 3D the same along y
+        stress_yy: Number(POSITIVE) { unit: "Pa" },
+        /// the stress at the end of a linear ramp
+        stress_yy_end: Number(POSITIVE) { unit: "Pa" },
+        /// in 3D natural strain of the width over the part
+        strain_yy: Number(ANY) {},
         /// vibration of the bottom wall along its normal, with `bottom_frequency`
         bottom_amplitude: Number(POSITIVE) { unit: "m" },
         /// of the bottom wall
@@ -153,16 +174,20 @@ pub enum WallSpeed {
 }
 
 impl Shear {
-    /// The pressures (Pa) that parts of the protocol impose, by the numbers of the parts.
+    /// The pressures (Pa) that parts of the protocol impose, along any axis, by the numbers of the
+    /// parts.
     pub(crate) fn pressures(&self) -> impl Iterator<Item = (usize, &Course)> {
         let parts = match &self.motion {
             Motion::Strain { .. } => &[],
             Motion::Protocol(parts) => &parts[..],
         };
-        let numbered = parts.iter().enumerate();
-        numbered.filter_map(|(n, part)| match &part.imposed.normal {
-            Some(Normal::Load(pressure)) => Some((n, pressure)),
-            _ => None,
+        parts.iter().enumerate().flat_map(|(n, part)| {
+            let along_height = match &part.imposed.normal {
+                Some(Normal::Load(pressure)) => Some(pressure),
+                _ => None,
+            };
+            let all = along_height.into_iter().chain(lateral::stresses(part));
+            all.map(move |pressure| (n, pressure))
         })
     }
 
@@ -239,8 +264,13 @@ pub(crate) fn derive(
         } else {
             without_top(given, boundary)
         };
-        let spring = spring.is_some();
-        let parts = given.and_then(|given| parts(&given, load.pressure, spring, boundary));
+        let begin = ProtocolBegin {
+            pressure: load.pressure,
+            spring: spring.is_some(),
+            boundary,
+            dimension: sample.dimension(),
+        };
+        let parts = given.and_then(|given| parts(&given, begin));
         Motion::Protocol(parts.map_err(|what| c.refused(&keys.protocol, &what))?)
     } else {
         let drive = match c.number(&keys.inertial_number) {
@@ -287,13 +317,25 @@ fn without_top(
     Ok(parts)
 }
 
-/// The parts of a protocol that begins at this pressure (Pa) of the load.
-fn parts(
-    given: &[Vec<(String, f64)>],
-    mut pressure: f64,
+/// What a protocol begins with.
+#[derive(Clone, Copy)]
+struct ProtocolBegin<'a> {
+    /// Of the load (Pa).
+    pressure: f64,
+    /// Whether there is a spring.
     spring: bool,
-    boundary: &Boundary,
-) -> Result<Vec<Part>, String> {
+    boundary: &'a Boundary,
+    dimension: Dimensions,
+}
+
+/// The parts of a protocol.
+fn parts(given: &[Vec<(String, f64)>], begin: ProtocolBegin<'_>) -> Result<Vec<Part>, String> {
+    let ProtocolBegin {
+        mut pressure,
+        spring,
+        boundary,
+        dimension,
+    } = begin;
     if given.is_empty() {
         return Err("has no parts; give one or more, such as [[shear.protocol]] with velocity and distance or time".into());
     }
@@ -303,6 +345,10 @@ fn parts(
     for (n, values) in given.iter().enumerate() {
         let values = PartValues(values);
         let part = values.part(&mut pressure, parts.last());
+        let part = part.and_then(|part| {
+            values.check_lateral(boundary, dimension)?;
+            Ok(part)
+        });
         let part = part.map_err(|what| format!("part {}: {what}", n + 1))?;
         has_normal |= values.has_normal();
         parts.push(part);
@@ -324,6 +370,7 @@ fn parts(
             part.imposed.normal = None;
         }
     }
+    lateral::give_all(&mut parts);
     let vibrates = parts.iter().any(|part| part.imposed.bottom.is_some());
     if vibrates && !boundary.has_walls() {
         return Err(format!(
@@ -342,7 +389,7 @@ static RULES: PartRules = PartRules {
 };
 
 /// Keys that need another one.
-static NEEDS: [(&Key, &[&Key]); 13] = [
+static NEEDS: [(&Key, &[&Key]); 16] = [
     (
         &PART.frequency,
         &[&PART.strain_amplitude, &PART.shear_stress_amplitude],
@@ -359,6 +406,9 @@ static NEEDS: [(&Key, &[&Key]); 13] = [
     (&PART.distance, &[&PART.velocity]),
     (&PART.ramp, &[&PART.velocity]),
     (&PART.until_checks, &CONDITIONS),
+    (&PART.mean_pressure_end, &[&PART.mean_pressure]),
+    (&PART.stress_xx_end, &[&PART.stress_xx]),
+    (&PART.stress_yy_end, &[&PART.stress_yy]),
 ];
 
 /// What ends a part before its time.
@@ -372,12 +422,22 @@ static CONDITIONS: [&Key; 6] = [
 ];
 
 /// Keys of which no two may be given.
-static EXCLUSIVE: [&[&Key]; 5] = [
+static EXCLUSIVE: [&[&Key]; 15] = [
     &[&PART.velocity, &PART.strain_amplitude, &PART.shear_stress],
     &[&PART.distance, &PART.time, &PART.cycles],
     &[&PART.wall_velocity, &PART.pressure],
     &[&PART.wall_velocity, &PART.pressure_end],
     &[&PART.wall_velocity, &PART.pressure_amplitude],
+    &[&PART.stress_xx, &PART.strain_xx],
+    &[&PART.stress_yy, &PART.strain_yy],
+    &[&PART.mean_pressure, &PART.pressure],
+    &[&PART.mean_pressure, &PART.pressure_end],
+    &[&PART.mean_pressure, &PART.pressure_amplitude],
+    &[&PART.mean_pressure, &PART.wall_velocity],
+    &[&PART.mean_pressure, &PART.stress_xx],
+    &[&PART.mean_pressure, &PART.strain_xx],
+    &[&PART.mean_pressure, &PART.stress_yy],
+    &[&PART.mean_pressure, &PART.strain_yy],
 ];
 
 impl PartValues<'_> {
@@ -395,7 +455,7 @@ impl PartValues<'_> {
             &PART.pressure_end,
             &PART.pressure_amplitude,
         ];
-        keys.iter().any(|key| self.value(key).is_some())
+        keys.iter().chain(&LATERAL_KEYS).any(|key| self.has(key))
     }
 
     /// The part after `before`. `pressure` (Pa): at the end of the part before, then at the end of
@@ -403,8 +463,12 @@ impl PartValues<'_> {
     fn part(&self, pressure: &mut f64, before: Option<&Part>) -> Result<Part, String> {
         self.check(&RULES)?;
         let along = self.along(before)?;
+        let lateral = self.lateral();
         let normal = if let Some(velocity) = self.value(&PART.wall_velocity) {
             Normal::Velocity(velocity)
+        } else if let Some((_, Some(mean))) = lateral {
+            *pressure = mean.to;
+            Normal::Load(mean)
         } else {
             let from = self.value(&PART.pressure).unwrap_or(*pressure);
             *pressure = self.value(&PART.pressure_end).unwrap_or(from);
@@ -419,6 +483,7 @@ impl PartValues<'_> {
                 along,
                 normal: Some(normal),
                 bottom: self.wave(&PART.bottom_amplitude, &PART.bottom_frequency),
+                lateral: lateral.map(|(lateral, _)| lateral),
             },
             time: self.time(along)?,
             until: self.until()?,

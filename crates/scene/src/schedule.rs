@@ -44,8 +44,8 @@ pub struct Schedule {
     pub progress: u64,
     /// Columns of the time series.
     pub columns: &'static [Column],
-    /// Whether those of what is imposed are among them.
-    pub has_imposed: bool,
+    /// Which further ones are among them.
+    pub further: FurtherColumns,
     /// Frames of a stretch that is computed again, instead of the segments'.
     window: Option<ReplayWindow>,
 }
@@ -307,7 +307,11 @@ impl Schedule {
             first_analysis,
         } = plan;
         let total = protocol.steps();
-        let has_imposed = walls.boundary.shows_imposed(&protocol);
+        let further = FurtherColumns {
+            imposed: walls.boundary.shows_imposed(&protocol),
+            lateral: protocol.has_lateral(),
+            temperatures: output.temperatures,
+        };
         Self {
             step,
             height,
@@ -319,11 +323,8 @@ impl Schedule {
                 0 => 0,
                 lines => (total / lines).max(1),
             },
-            columns: walls.boundary.series_columns(FurtherColumns {
-                imposed: has_imposed,
-                temperatures: output.temperatures,
-            }),
-            has_imposed,
+            columns: walls.boundary.series_columns(further),
+            further,
             protocol,
             intervals,
             conditions,

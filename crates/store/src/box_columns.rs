@@ -114,14 +114,17 @@ mod tests {
     use super::*;
     use gshear_analysis::frame_scalars::FrameScalars;
     use gshear_dem::profile::RankProfile;
-    use gshear_dem::state::{FlowRow, ImposedRow, SeriesRow, StressRow, TemperatureRow};
+    use gshear_dem::state::{
+        FlowRow, ImposedRow, LateralRow, SeriesRow, StressRow, TemperatureRow,
+    };
     use std::collections::BTreeSet;
     use std::fmt::Write as _;
 
-    const TABLES: [(&str, &[Column]); 10] = [
+    const TABLES: [(&str, &[Column]); 11] = [
         ("SeriesRow", &SeriesRow::COLUMNS),
         ("ImposedRow", &ImposedRow::COLUMNS),
         ("StressRow", &StressRow::COLUMNS),
+        ("LateralRow", &LateralRow::COLUMNS),
         ("FlowRow", &FlowRow::COLUMNS),
         ("TemperatureRow", &TemperatureRow::COLUMNS),
         ("FrameScalars", &FrameScalars::COLUMNS),

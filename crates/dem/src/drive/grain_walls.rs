@@ -1,7 +1,8 @@
 //! Walls of frozen grains, or flat ones.
 
 use super::{
-    Drive, Slider, Top, WallForces, WallGrains, WallMotion, WallSteps, WallSums, WallVelocities,
+    Drive, Slider, SummedForces, Top, WallForces, WallGrains, WallMotion, WallSteps, WallSums,
+    WallVelocities,
 };
 use crate::dimension::Dimension;
 use crate::domain::FixedPoint;
@@ -117,8 +118,12 @@ impl<D: Dimension> Drive<D> for GrainWalls {
         }
     }
 
-    fn has_bottom_force(&self) -> bool {
-        self.motion.slider.protocol.has_bottom()
+    fn summed_forces(&self) -> SummedForces {
+        if self.motion.slider.protocol.has_bottom() {
+            SummedForces::OnTopAndBottom
+        } else {
+            SummedForces::OnTop
+        }
     }
 
     fn load_on_grains(

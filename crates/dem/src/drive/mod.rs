@@ -3,6 +3,7 @@
 
 mod grain_walls;
 mod images;
+mod lateral;
 mod moving;
 mod planes;
 mod top;
@@ -11,12 +12,14 @@ use std::ops::Range;
 
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, FixedPoint};
+use crate::kernel::STRESSES;
 use crate::simd::Isa;
 use crate::state::{Cell, Grains};
 use crate::workers::tail;
 
 pub use grain_walls::GrainWalls;
-pub use images::{FlowSum, Images, MomentumFlow, Streaming};
+pub use images::{FlowSum, Images, LateralStretch, MomentumFlow, Streaming};
+pub use lateral::{LateralLengths, LateralState};
 pub use moving::MovingBoundary;
 pub use planes::Planes;
 pub(crate) use top::is_zero;
@@ -31,6 +34,8 @@ pub struct WallForces {
     pub along: f64,
     /// On the bottom upwards.
     pub bottom: f64,
+    /// On the sides of a cell without walls, outwards: along x, and in 3D along y.
+    pub lateral: [f64; 2],
 }
 
 /// The exact sums of the [`WallForces`].
@@ -42,6 +47,30 @@ pub struct WallSums {
     pub along: Accumulator,
     /// On the bottom upwards.
     pub bottom: Accumulator,
+    /// On the sides of a cell without walls, outwards.
+    pub lateral: [Accumulator; 2],
+}
+
+/// Which [`WallForces`] are summed over the ranks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SummedForces {
+    /// Those on the top.
+    OnTop,
+    /// Those on top and bottom.
+    OnTopAndBottom,
+    /// All.
+    All,
+}
+
+/// Which stress of a cell a step needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NeededStress {
+    /// None.
+    Nothing,
+    /// That on the base.
+    OnBase,
+    /// That on the base, and the normal stresses along the other axes.
+    AlongAllAxes,
 }
 
 impl WallSums {
@@ -50,6 +79,9 @@ impl WallSums {
         self.up.merge(other.up);
         self.along.merge(other.along);
         self.bottom.merge(other.bottom);
+        for (sum, more) in self.lateral.iter_mut().zip(other.lateral) {
+            sum.merge(more);
+        }
     }
 }
 
@@ -60,6 +92,8 @@ pub struct WallSteps {
     pub along: f64,
     /// The top and the bottom upwards, if the work along the normals is summed step by step.
     pub normal: Option<[f64; 2]>,
+    /// The sides of a cell without walls outwards, with `normal`.
+    pub lateral: [f64; 2],
 }
 
 /// From what a drive takes the forces on the walls: what the grains of a rank feel.
@@ -68,7 +102,7 @@ pub struct Felt<'a, D: Dimension> {
     /// The grains.
     pub grains: &'a Grains<D>,
     /// The counts of their stress with its kinetic part, in units of the forces, if needed.
-    pub stress: Option<[i128; 2]>,
+    pub stress: Option<[i128; STRESSES]>,
     /// How forces are summed.
     pub fixed: &'a FixedPoint,
 }
@@ -199,9 +233,9 @@ pub trait Drive<D: Dimension>: Sync {
     fn planes(&self) -> Option<[f64; 2]> {
         None
     }
-    /// Whether the force on the bottom is summed too.
-    fn has_bottom_force(&self) -> bool {
-        false
+    /// The forces that are summed over the ranks.
+    fn summed_forces(&self) -> SummedForces {
+        SummedForces::OnTop
     }
     /// Adds the forces on these grains of [`Drive::wall_grains`].
     fn load_on_grains(
@@ -215,10 +249,9 @@ pub trait Drive<D: Dimension>: Sync {
     }
     /// Adds the forces on what else bounds the sample.
     fn load(&self, _: &Felt<'_, D>, _: &mut WallSums) {}
-    /// Whether it needs the stress of the contacts; `sampled`: their forces are measured in this
-    /// step.
-    fn needs_stress(&self, _sampled: bool) -> bool {
-        false
+    /// The stress of the contacts that it needs; `sampled`: their forces are measured in this step.
+    fn needed_stress(&self, _sampled: bool) -> NeededStress {
+        NeededStress::Nothing
     }
     /// Second half kick, by the forces on the walls. Returns the velocities of the grains of walls
     /// at the end of the step.

@@ -1,6 +1,6 @@
 //! The boundary of a sample that is sheared.
 
-use super::{Drive, GrainWalls, Images, Top, WallForces};
+use super::{Drive, GrainWalls, Images, LateralLengths, Top, WallForces};
 use crate::boundary::Boundary;
 use crate::dimension::Dimension;
 
@@ -17,9 +17,9 @@ pub struct MovingBoundary {
 #[derive(Debug)]
 enum Ends {
     /// Walls. Nothing is a wall without grains, which rests.
-    Walls(GrainWalls),
+    Walls(Box<GrainWalls>),
     /// The images of the sample.
-    Images(Images),
+    Images(Box<Images>),
 }
 
 impl MovingBoundary {
@@ -27,13 +27,28 @@ impl MovingBoundary {
     /// start.
     pub fn new(kind: &'static Boundary, motion: Top, floor: f64) -> Self {
         let ends = if kind.is_periodic() {
-            Ends::Images(Images::new(motion))
+            Ends::Images(Box::new(Images::new(motion)))
         } else {
             let mut walls = GrainWalls::new(motion);
             walls.flat = kind.planes([floor; 2]);
-            Ends::Walls(walls)
+            Ends::Walls(Box::new(walls))
         };
         Self { kind, floor, ends }
+    }
+
+    /// Lets the lengths of a cell without walls change across its height.
+    pub fn change_lengths(&mut self, lengths: LateralLengths) {
+        if let Ends::Images(images) = &mut self.ends {
+            images.lateral = Some(lengths);
+        }
+    }
+
+    /// The lengths of a cell without walls across its height, if they change.
+    pub fn lateral(&self) -> Option<&LateralLengths> {
+        match &self.ends {
+            Ends::Walls(_) => None,
+            Ends::Images(images) => images.lateral.as_ref(),
+        }
     }
 
     /// What it is.
@@ -61,8 +76,8 @@ impl MovingBoundary {
     /// As the time step calls it.
     pub fn drive<D: Dimension>(&mut self) -> &mut dyn Drive<D> {
         match &mut self.ends {
-            Ends::Walls(walls) => walls,
-            Ends::Images(images) => images,
+            Ends::Walls(walls) => &mut **walls,
+            Ends::Images(images) => &mut **images,
         }
     }
 
@@ -82,8 +97,8 @@ impl MovingBoundary {
         Some(self.kind.ends([self.bottom(0.0), top]))
     }
 
-    /// The stress of a cell without walls, times its base, which stands for the forces on a wall;
-    /// that of the last step at which it was measured.
+    /// The stress of a cell without walls, times its base at the start, which stands for the forces
+    /// on a wall; that of the last step at which it was measured.
     pub fn stress(&self) -> Option<WallForces> {
         match &self.ends {
             Ends::Walls(_) => None,

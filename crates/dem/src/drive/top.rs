@@ -6,7 +6,8 @@ use super::{WallForces, WallSteps};
 use crate::protocol::{Protocol, Segment};
 
 /// The rigid body on top, along the last axis: m_w ÿ = F_y - N - c ẏ, by the Verlet scheme of the
-/// grains. SI units; per unit depth in 2D.
+/// grains. SI units; per unit depth in 2D. Of a cell without walls also the end of a lateral axis
+/// ([`super::LateralLengths`]), whose height is the length.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Piston {
     /// Upper boundary of the sample (m).
@@ -48,6 +49,24 @@ impl Piston {
     pub(super) fn full_kick(&mut self, step: f64, force: f64, drag: f64) {
         self.acceleration = (force - self.load) / self.mass - drag * self.predicted(step);
         self.velocity += 0.5 * step * self.acceleration;
+    }
+
+    /// The second half kick under its load, by its mass or a servo.
+    pub(super) fn kick_up(&mut self, servo: Option<Servo>, step: f64, force: f64) {
+        match servo {
+            None => self.full_kick(step, force, 0.0),
+            Some(servo) => servo.kick(self, step, force),
+        }
+    }
+
+    /// Computes the acceleration under the load with which the next step begins; `jumps`: whether
+    /// it is another one than that with which the last step ended.
+    pub(super) fn accelerate(&mut self, servo: Option<Servo>, force: f64, jumps: bool) {
+        match servo {
+            None => self.acceleration = (force - self.load) / self.mass,
+            Some(servo) if jumps => servo.restart(self, force),
+            Some(_) => {}
+        }
     }
 }
 
@@ -306,11 +325,8 @@ impl Top {
     /// Computes the accelerations before the first step.
     pub(super) fn start(&mut self, load: WallForces) {
         let first = self.slider.protocol.segment(0);
-        let piston = &mut self.piston;
-        match self.servo {
-            _ if first.normal_velocity().is_some() => {}
-            None => piston.acceleration = (load.up - piston.load) / piston.mass,
-            Some(servo) => servo.restart(piston, load.up),
+        if first.normal_velocity().is_none() {
+            self.piston.accelerate(self.servo, load.up, true);
         }
         self.slider.accelerate(load.along, self.piston.mass);
     }
@@ -335,7 +351,12 @@ impl Top {
 
     /// Second half kick, by the forces on it.
     pub(super) fn kick(&mut self, step: f64, forces: WallForces) {
-        self.end_rise(step, forces.up);
+        self.kick_anew(step, forces, forces.up);
+    }
+
+    /// [`Top::kick`], with another force upwards under the load of the next step.
+    pub(super) fn kick_anew(&mut self, step: f64, forces: WallForces, next_up: f64) {
+        self.end_rise(step, forces.up, next_up);
         self.slider.kick(step, forces.along, self.piston.mass);
     }
 
@@ -344,6 +365,7 @@ impl Top {
         WallSteps {
             along: self.slider.state.slid,
             normal: self.normal_work.then_some(self.rose),
+            lateral: [0.0; 2],
         }
     }
 
@@ -370,10 +392,10 @@ impl Top {
     /// The second half kick of the top upwards by the load of the last segment; load and
     /// acceleration are then those of the next one, so that a jump of the load leaves the scheme of
     /// second order.
-    fn end_rise(&mut self, step: f64, force: f64) {
+    fn end_rise(&mut self, step: f64, force: f64, next_force: f64) {
         let protocol = &self.slider.protocol;
         if !protocol.has_normal() {
-            self.kick_up(step, force);
+            self.piston.kick_up(self.servo, step, force);
             return;
         }
         let now = self.slider.state.step;
@@ -382,7 +404,7 @@ impl Top {
         match last.normal_velocity() {
             None => {
                 self.piston.load = last_load.unwrap_or(self.piston.load);
-                self.kick_up(step, force);
+                self.piston.kick_up(self.servo, step, force);
             }
             Some(velocity) => {
                 (self.piston.velocity, self.piston.acceleration) = (velocity, 0.0);
@@ -390,19 +412,8 @@ impl Top {
         }
         if let Some(load) = next_load {
             self.piston.load = load;
-            match self.servo {
-                None => self.piston.acceleration = (force - load) / self.piston.mass,
-                Some(servo) if last_load != next_load => servo.restart(&mut self.piston, force),
-                Some(_) => {}
-            }
-        }
-    }
-
-    /// The second half kick of the top upwards under its load.
-    fn kick_up(&mut self, step: f64, force: f64) {
-        match self.servo {
-            None => self.piston.full_kick(step, force, 0.0),
-            Some(servo) => servo.kick(&mut self.piston, step, force),
+            let jumps = last_load != next_load;
+            self.piston.accelerate(self.servo, next_force, jumps);
         }
     }
 }

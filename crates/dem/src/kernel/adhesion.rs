@@ -318,7 +318,7 @@ pub(super) fn add_forces<D: Dimension, L: Lanes>(
         if let Some(stress) = stress {
             let radii = PairRadii::<L>::load(token, &contacts.geometry[block]);
             let distance = radii.sum - L::load(token, scratch.overlap(k, changes_area));
-            stress.add::<D>(block, n[D::UP] * distance, &force);
+            stress.add::<D>(block, &n, distance, &force);
         }
         if let Some(Samples { normal, .. }) = &mut pass.samples {
             let sample = L::load(token, &normal[block]) - pull;

@@ -203,7 +203,13 @@ pub struct Counting {
     pub step: f64,
     /// The height of the cell (m) if the stress is counted.
     pub height: Option<f64>,
+    /// The lengths of the cell across the height (m) if the normal stresses along these axes are
+    /// counted as well.
+    pub lateral: Option<[f64; 2]>,
 }
+
+/// Number of stresses that a pass counts.
+pub const STRESSES: usize = 4;
 
 /// The result of a pass.
 #[derive(Debug, Clone, Copy, Default)]
@@ -217,8 +223,8 @@ pub struct PassOutcome {
     /// Whether an energy was too great to be counted.
     pub uncounted: bool,
     /// Σ F r_z/h along the last axis and along x of these contacts, in units of the forces, if it
-    /// is counted; h is the height of the cell.
-    pub stress: [i128; 2],
+    /// is counted, with the height h of the cell; then Σ F_a r_a/L_a along the axes across it.
+    pub stress: [i128; STRESSES],
     /// Number of blocks that were awake.
     pub blocks: u64,
 }
@@ -661,28 +667,50 @@ struct StressCount<L: Lanes> {
     per_unit: L,
     up: L::Counts,
     along: L::Counts,
+    lateral: Option<LateralCounts<L>>,
+}
+
+/// The normal stresses along the axes across the height.
+struct LateralCounts<L: Lanes> {
+    per_unit: [L; 2],
+    counts: [L::Counts; 2],
 }
 
 impl<L: Lanes> StressCount<L> {
     #[inline(always)]
     fn new<D: Dimension>(token: L::Token, pass: &Pass<'_, D>) -> Option<Self> {
-        let height = pass.input.counting?.height?;
+        let counting = pass.input.counting?;
+        let unit = pass.input.units.force;
+        let per_unit = |length: f64| L::splat(token, 1.0 / (length * unit));
+        let lateral = counting.lateral.map(|lengths| LateralCounts {
+            per_unit: [per_unit(lengths[0]), per_unit(lengths[1])],
+            counts: [L::no_counts(token), L::no_counts(token)],
+        });
         Some(Self {
             owned: pass.part.owned_blocks.saturating_sub(pass.part.first),
-            per_unit: L::splat(token, 1.0 / (height * pass.input.units.force)),
+            per_unit: per_unit(counting.height?),
             up: L::no_counts(token),
             along: L::no_counts(token),
+            lateral,
         })
     }
 
-    /// Adds the rounded forces of a block, zeros where none act, of grains this far (m) apart along
-    /// the last axis. Forces have up to 2^51 units, and the grains are less than the height apart.
+    /// Adds the rounded forces of a block, zeros where none act, of grains this `distance` (m)
+    /// apart in the direction `n`. Forces have up to 2^51 units, and the grains are less than the
+    /// lengths of the cell apart.
     #[inline(always)]
-    fn add<D: Dimension>(&mut self, block: usize, separation: L, force: &[L; 3]) {
-        if block < self.owned {
-            let part = separation * self.per_unit;
-            self.up = (part * force[D::UP]).count(self.up);
-            self.along = (part * force[0]).count(self.along);
+    fn add<D: Dimension>(&mut self, block: usize, n: &[L; 3], distance: L, force: &[L; 3]) {
+        if block >= self.owned {
+            return;
+        }
+        let part = n[D::UP] * distance * self.per_unit;
+        self.up = (part * force[D::UP]).count(self.up);
+        self.along = (part * force[0]).count(self.along);
+        if let Some(LateralCounts { per_unit, counts }) = &mut self.lateral {
+            for axis in 0..D::UP {
+                let part = n[axis] * distance * per_unit[axis];
+                counts[axis] = (part * force[axis]).count(counts[axis]);
+            }
         }
     }
 
@@ -690,6 +718,10 @@ impl<L: Lanes> StressCount<L> {
     fn end(self, outcome: &mut PassOutcome) {
         outcome.stress[0] += L::total(self.up);
         outcome.stress[1] += L::total(self.along);
+        if let Some(LateralCounts { counts: [x, y], .. }) = self.lateral {
+            outcome.stress[2] += L::total(x);
+            outcome.stress[3] += L::total(y);
+        }
     }
 }
 
@@ -767,7 +799,7 @@ fn add_forces<C: ContactLaw, L: Lanes>(
         }
         if let Some(stress) = stress {
             let distance = radii.sum - L::load(token, overlap);
-            stress.add::<C::Space>(block, n[C::Space::UP] * distance, &forces.force);
+            stress.add::<C::Space>(block, &n, distance, &forces.force);
         }
         for k in 0..spins {
             forces.torque_i[k] = (forces.torque_i[k] + torque_shift) - torque_shift;

@@ -40,6 +40,8 @@ pub struct Sheared {
     pub velocity: f64,
     /// That of the half step.
     pub half_velocity: f64,
+    /// √(L_x'/L_x) of the last step, in which the images move by Δt V times this.
+    pub half_stretch: f64,
     /// The affine motion of a step that changes the lengths of the cell. `None` in all other steps.
     pub stretching: Option<Stretching>,
 }
@@ -62,8 +64,14 @@ impl Sheared {
             offset: 0.0,
             velocity: 0.0,
             half_velocity: 0.0,
+            half_stretch: 1.0,
             stretching: None,
         }
+    }
+
+    /// How far (m) the images above move along x in a `step` (s).
+    pub(crate) fn step_of_images(&self, step: f64) -> f64 {
+        step * self.half_velocity * self.half_stretch
     }
 
     /// dx/dz along a column of images.

@@ -150,6 +150,18 @@ crate::columns! {
 }
 
 crate::columns! {
+    /// Further columns of a row of the time series of a cell whose lengths across its height change.
+    pub struct LateralRow {
+        /// L_x, length of the cell
+        length_x: "m",
+        /// L_y, its width; NaN in 2D
+        length_y: "m",
+        /// Lees–Edwards offset with all periods that were taken from it
+        unwrapped_offset: "m",
+    }
+}
+
+crate::columns! {
     /// Further columns of a row of the time series below a free surface.
     pub struct FlowRow {
         /// of the free grains along x, weighed by mass

@@ -7,13 +7,13 @@ use gshear_dem::budget::{EnergyBudget, SavedBudget};
 use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::{Exchange, Traffic};
-use gshear_dem::drive::{MovingBoundary, Slider, Top};
+use gshear_dem::drive::{LateralLengths, LateralState, MovingBoundary, Slider, Top};
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::fluctuations::{self, Scales};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, RowInput, SampleConstants};
 use gshear_dem::profile::RankProfile;
-use gshear_dem::state::{GrainState, SeriesRow, Snapshot, body};
+use gshear_dem::state::{Cell, GrainState, SeriesRow, Snapshot, body};
 use gshear_dem::until::{Checks, TopState};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
@@ -110,6 +110,10 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         }
         let floor = plane_shear.floor();
         let mut boundary = MovingBoundary::new(plane_shear.boundary, top, floor);
+        if schedule.protocol.has_lateral() {
+            let cell = &assembly.system.cell;
+            boundary.change_lengths(lateral_lengths::<D>(scene, &from, cell, boundary.top()));
+        }
         assembly.system.flat = scene.flat_walls();
         let mass = mass_of(run, scene, &state.grains, body::FREE);
         assembly.replace(boundary.drive(), state.grains, state.contacts)?;
@@ -182,6 +186,9 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let rate = done / seconds / exchange.size() as f64;
         let mut more = self.boundary.top().state().to_vec();
         more.extend(images.into_iter().flatten());
+        if let Some(lengths) = self.boundary.lateral() {
+            more.extend(lengths.state.numbers());
+        }
         let digest = (self.assembly).digest(bytemuck::cast_slice(&more), self.step);
         let mut attributes = vec![
             ("digest", Attribute::from(digest.clone())),
@@ -405,12 +412,15 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             },
         );
         let mut values = row.columns().to_vec();
-        if self.schedule.has_imposed {
+        if self.schedule.further.imposed {
             values.extend(observe::imposed(self.boundary.top()).columns());
         }
         if boundary.kind().is_periodic() {
             let row = observe::stress(exchange, system, samples, self.mass);
             values.extend(row.columns());
+        }
+        if let Some(lengths) = boundary.lateral() {
+            values.extend(observe::lateral(lengths).columns());
         }
         if let Some(flow) = flow {
             values.extend(flow.row().columns());
@@ -526,6 +536,7 @@ impl<'a, D: Dimension> Stage<'a, D> for ShearStage<'a, D> {
             left_in: self.left_in,
             piston: top.piston,
             images: self.images(),
+            lateral: self.boundary.lateral().map(|lengths| lengths.state.clone()),
             slider: (self.step > 0).then_some(top.slider.state),
             height: self.schedule.height,
             ends: self.ends.clone(),
@@ -594,6 +605,19 @@ fn top(scene: &Scene, plane_shear: &PlaneShear, schedule: &Schedule, from: &Shea
         top.slider.state = slider;
     }
     top
+}
+
+/// The lengths of a cell across its height, as they begin to change or go on.
+fn lateral_lengths<D: Dimension>(
+    scene: &Scene,
+    from: &ShearHeader,
+    cell: &Cell,
+    top: &Top,
+) -> LateralLengths {
+    let saved = from.lateral.clone();
+    let state = saved.unwrap_or_else(|| LateralState::at_rest::<D>(cell, &top.piston));
+    let start = scene.cell().periods;
+    LateralLengths::new(state, &start[..D::UP], from.height, top.servo)
 }
 
 /// Gives the grains of the walls the velocities with which these begin.

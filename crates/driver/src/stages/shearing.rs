@@ -202,6 +202,11 @@ fn take_changes(
                 if let Some(slider) = &mut slider {
                     slider.acceleration /= times;
                 }
+                let lateral = shear.lateral.iter_mut();
+                for axis in lateral.flat_map(|lateral| &mut lateral.axes) {
+                    axis.mass *= times;
+                    axis.acceleration /= times;
+                }
             }
             if let Some(slider) = &mut slider
                 && former.shear.spring.is_some()
@@ -257,6 +262,7 @@ fn sheared_from(scene: &Scene, plane_shear: &PlaneShear, piston: Piston) -> Shea
         height: height_between(scene, plane_shear, &piston),
         piston,
         slider: None,
+        lateral: None,
         ends: Vec::new(),
         checks: None,
         written: Written::default(),

@@ -516,13 +516,8 @@ impl RunFile {
     /// step has a row, and adds less than half a period.
     fn periods_of_shear(&self, numbers: [usize; 2]) -> i64 {
         if self.stage == RunStage::Shear && self.boundary.is_periodic() {
-            let period = self.cell(numbers[0]).periods[0];
-            let strains = self.frame_strains().unwrap_or_default();
-            let [before, after] = numbers.map(|t| {
-                let moved = strains.get(t).map_or(0.0, |strain| strain * self.height());
-                moved - self.offset_of_image(t)
-            });
-            return ((after - before) / period).round() as i64;
+            let [before, after] = numbers.map(|t| self.periods_of_offset(t));
+            return (after - before).round() as i64;
         }
         if self.stage != RunStage::Strain {
             return 0;
@@ -533,6 +528,21 @@ impl RunFile {
         let period = self.cell(numbers[1]).periods[0];
         rows.map(|pair| ((pair[0] - pair[1]) / period).round() as i64)
             .sum()
+    }
+
+    /// The periods that were taken from the Lees–Edwards offset of a sheared cell up to frame t, but
+    /// for those of the start; not rounded.
+    fn periods_of_offset(&self, t: usize) -> f64 {
+        let unwrapped = if self.series.has("unwrapped_offset") {
+            let row = self.series.step.binary_search(&self.step[t]);
+            let offsets = self.series.column("unwrapped_offset");
+            row.map_or(0.0, |row| offsets[row])
+        } else {
+            let strains = self.frame_strains().unwrap_or_default();
+            let strain = strains.get(t).copied();
+            strain.map_or(0.0, |strain| strain * self.height())
+        };
+        (unwrapped - self.offset_of_image(t)) / self.cell(t).periods[0]
     }
 
     /// Returns the edge vectors of the box at frame t < T (m), one a row. Between walls the edge

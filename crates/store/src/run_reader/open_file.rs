@@ -26,7 +26,7 @@ use gshear_dem::boundary::{
 };
 use gshear_dem::columns::Column;
 use gshear_dem::failure::{Failure, Result};
-use gshear_dem::state::{FlowRow, GrainConstants, ImposedRow, TemperatureRow, body};
+use gshear_dem::state::{FlowRow, GrainConstants, ImposedRow, LateralRow, TemperatureRow, body};
 
 /// Every HDF5 file begins with these bytes.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
@@ -294,6 +294,7 @@ impl<'a> OpenFile<'a> {
     pub(super) fn columns_of_shear(&self, boundary: &'static Boundary) -> &'static [Column] {
         boundary.series_columns(FurtherColumns {
             imposed: self.has_row(&ImposedRow::COLUMNS),
+            lateral: self.has_row(&LateralRow::COLUMNS),
             temperatures: self.has_row(&TemperatureRow::COLUMNS),
         })
     }
