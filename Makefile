@@ -21,7 +21,7 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 # Bound ranks of two runs would share the first cores and leave the others idle.
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
-.PHONY: help deps build run test lint python docs tables scaling bench accuracy stress faults queues peers million book own-law mpich wheel manual install uninstall release clean
+.PHONY: help deps build run test lint python docs tables scaling bench accuracy stress faults queues peers million studies book own-law mpich wheel manual install uninstall release clean
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT)); START=--overwrite starts again"
@@ -39,6 +39,7 @@ help:
 	@echo "make queues    job scripts on Slurm, Flux and stand-ins, ranks on two hosts; not a part of make test"
 	@echo "make peers     speed beside LAMMPS, LIGGGHTS and DIRT, which it installs"
 	@echo "make million   a million spheres in shear: packs a sample, repeats it, says speed and memory"
+	@echo "make studies   runs and figures of docs/validation/new.md, from nothing: hours"
 	@echo "make own-law   a program with a contact law and an adhesion of its own (examples/own_law): digests on 1 rank, on 2, and resumed"
 	@echo "make mpich     builds with MPICH, which it installs, into target/mpich; tests exchange and digests"
 	@echo "make wheel     the wheel with both programs into target/wheel/dist, for pip on any Linux with glibc 2.28; TARGET=aarch64"
@@ -95,6 +96,11 @@ book: deps
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --workspace
 	scripts/book.py pages --check
 	scripts/book.py build --mdbook "$$(scripts/book-deps)" --api target/doc
+
+# Compare out/studies with docs/figures.
+studies: build
+	@scripts/python-env
+	scripts/studies out/studies
 
 # Not a part of make test, since it compiles every crate again.
 own-law: deps
