@@ -97,8 +97,8 @@ table! {
         /// instead of a pressure: velocity of the top wall away from the bottom wall; 0 is a
         /// constant volume
         wall_velocity: Number(ANY) { unit: "m/s" },
-        /// without walls: mean of the normal stresses, under which all lengths of the cell change by
-        /// the same factor
+        /// without walls: mean of the normal stresses, under which all lengths of the cell change
+        /// by the same factor
         mean_pressure: Number(POSITIVE) { unit: "Pa" },
         /// the mean at the end of a linear ramp
         mean_pressure_end: Number(POSITIVE) { unit: "Pa" },

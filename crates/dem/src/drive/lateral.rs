@@ -112,7 +112,7 @@ impl LateralLengths {
         self.state.axes.iter().map(|axis| axis.height).product()
     }
 
-    /// The stresses (Pa) by the forces on top and sides (N; N/m in 2D) of a cell of this height (m).
+    /// The stresses (Pa) by the forces on top and sides (N; N/m in 2D) of a cell this high (m).
     pub(super) fn stresses(&self, up: f64, lateral: [f64; 2], height: f64) -> CellStresses {
         let base = self.base_now();
         let up = up / base;

@@ -150,7 +150,8 @@ crate::columns! {
 }
 
 crate::columns! {
-    /// Further columns of a row of the time series of a cell whose lengths across its height change.
+    /// Further columns of a row of the time series of a cell whose lengths across its height
+    /// change.
     pub struct LateralRow {
         /// L_x, length of the cell
         length_x: "m",

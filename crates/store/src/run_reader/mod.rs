@@ -530,8 +530,8 @@ impl RunFile {
             .sum()
     }
 
-    /// The periods that were taken from the Lees–Edwards offset of a sheared cell up to frame t, but
-    /// for those of the start; not rounded.
+    /// The periods that were taken from the Lees–Edwards offset of a sheared cell up to frame t,
+    /// but for those of the start; not rounded.
     fn periods_of_offset(&self, t: usize) -> f64 {
         let unwrapped = if self.series.has("unwrapped_offset") {
             let row = self.series.step.binary_search(&self.step[t]);
