@@ -12,10 +12,10 @@
 //! reaches it, at δ = -a_c²/(3R*), a_c³ = 9πγR*²/(4E*). The limits are those of F_n', the load
 //! under which Hertz' contact has the same area; LAMMPS takes |F_n + 6πγR*|, which is the same at
 //! pull-off and less before. The potential energy is ∫F_n dδ from the touch. What is left of it at
-//! the pull-off, 0.961 πγ a_c², is lost: it counts in `dissipated_stiffness`, the energies of the
-//! springs in those of their limits. All forces jump, and are scaled in these two steps.
+//! the pull-off, 0.961 πγ a_c², counts in `dissipated_stiffness`, the energies of the springs in
+//! those of their limits. All forces jump, and are scaled in these two steps.
 //!
-//! Beside it the constant attraction, if there is one, acts as long as the pair is in contact.
+//! The constant attraction, if there is one, acts as long as the pair is in contact.
 
 use std::sync::Arc;
 

@@ -10,8 +10,8 @@
 //! The history u (m) is the tangential displacement since the touch. If |F_t| exceeds μF_n, it is
 //! cut to that limit, and u is set back so that spring and damper together give the limit.
 //!
-//! The force of a loaded spring grows and falls with √δ, too, without work along the slip: a cycle
-//! that shears, presses, shears back and releases returns more energy than it took
+//! The force of a loaded spring grows and falls with √δ, without work along the slip: a cycle that
+//! shears, presses, shears back and releases returns more energy than it took
 //! (`dissipated_stiffness` < 0). With `tangential_history = "force"` the history is the force F of
 //! the spring (N) instead, and no cycle does so (D. Elata and J. G. Berryman, Mech. Mater. 24, 229,
 //! 1996). It grows by the slip Δu, does not change while δ grows, and falls with √δ,

@@ -20,9 +20,8 @@
 //! ```
 //!
 //! Beyond this limit the sum on the left is cut to it, F_t^e is set back so that spring and damper
-//! together give the limit, as in LAMMPS, and -s γ_t v_t acts beside it. So F_t does not jump where
-//! sliding begins or ends. LIGGGHTS cuts the spring alone, and drops the damper with a jump while
-//! it is cut; without damping the two are the same.
+//! together give the limit, as in LAMMPS, and -s γ_t v_t acts beside it, without a jump of F_t.
+//! LIGGGHTS cuts the spring alone, and drops the damper with a jump while it is cut.
 //!
 //! Rolling, in 2D, as in LIGGGHTS' `epsd2` (Ai et al. 2011, type C, with the stiffness of Iwashita
 //! and Oda):

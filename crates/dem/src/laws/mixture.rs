@@ -1,7 +1,6 @@
 //! Grains of several materials: a law for each ordered pair of them.
 //!
-//! The list keeps pairs of one kind in blocks of their own, so that each law works on its own
-//! blocks as if there were no other.
+//! The list keeps pairs of one kind in blocks of their own, on which their law works alone.
 
 use super::{Contact, Law, LawSpace};
 use crate::contact::model::{Elastic, Layout, PairModel};

@@ -16,14 +16,13 @@
 //! spring that slides (`contact::parts`). The histories, M and T, turn with the pair as that of
 //! F_t.
 //!
-//! Where two spheres touch, the spring begins unloaded, but not the dashpot. If that is beyond the
-//! limit, the slider slides, and the spring is set back at once. With most laws F_n and with it the
-//! limits begin at 0: then M begins as C (ω_i-ω_j), and the torque at 0.
+//! At the touch the spring is unloaded, but not the dashpot. If that is beyond the limit, the
+//! spring is set back at once. With most laws F_n and with it the limits begin at 0: then M begins
+//! as C (ω_i-ω_j), and the torque at 0.
 //!
 //! LAMMPS counts in forces R_r apart: its k_roll is k, its γ_roll is C_r/R_r², its k_twist and
 //! γ_twist are k_w and C_w, its μ_twist is μ_w R_r (m). It sets a twisting torque beyond its limit
-//! against the present twisting velocity, also where the spring is still loaded the other way; here
-//! it keeps its sign.
+//! against the present twisting velocity; here the torque keeps its sign.
 
 use super::rolling::{self, PairResistance, Resistance, Rotation};
 use super::{Constants, Contact};

@@ -1,7 +1,7 @@
 //! Spheres: Hertz and Mindlin as in `hertz`, with the damping of Tsuji et al. (1992), whose
 //! restitution is the same at every speed.
 //!
-//! With the overlap δ and R* = R_i R_j/(R_i+R_j), m* = m_i m_j/(m_i+m_j),
+//! With δ, R* and m* of `hertz`,
 //!
 //! ```text
 //! F_n = max(0, √(δR*) k_n δ - γ_n v_n),   γ_n = α √(2 m* k_n √(δR*)),   k_n = (2/3) E/(1-ν²)
@@ -11,8 +11,8 @@
 //! with Coulomb's limit and the history u, or F, of `hertz`, but u is set back against v_t to
 //! k_t |u| = μ k_n δ at most: where γ_t |v_t| exceeds the limit by more, F_t = -μF_n v_t/|v_t|. At
 //! the touch a damper exceeds the limit if x |v_t| > μ |v_n|. Without the bound it would set u back
-//! by more the smaller the overlap, as δ^(-1/4): the contact would then push along its slip, and
-//! the motion not converge with Δt. LAMMPS has no such bound.
+//! by more the smaller the overlap, as δ^(-1/4), and the motion not converge with Δt. LAMMPS has no
+//! such bound.
 //!
 //! α depends on the coefficient of restitution e (Marshall 2009, eq. 53):
 //!
@@ -23,9 +23,8 @@
 //! This is LAMMPS' `pair_style granular` with `hertz/material E e ν`,
 //! `tangential mindlin NULL x μ`, `damping tsuji` and `limit_damping`. In Tsuji's α the mass is
 //! that of one of two equal spheres, 2 m*; versions of LAMMPS up to 2025 take m*, so their α is
-//! smaller by √2. The two agree while overlaps are small: the torque of F_t has the
-//! arm R here, as in all laws of this program and in LAMMPS' `gran/*`; in `granular` it has
-//! R - δ/2, which is 5 % less at δ = 0.1 R and 10 % less at δ = 0.2 R.
+//! smaller by √2, and their restitution higher. The torque of F_t has the arm R here, as in LAMMPS'
+//! `gran/*`; in `granular` it has R - δ/2, which is 5 % less at δ = 0.1 R and 10 % at δ = 0.2 R.
 //!
 //! e is the restitution of spheres that may pull. Because F_n ≥ 0, they separate a little faster:
 //! e = 0.5 gives 0.55, 0.9 gives 0.902.
