@@ -7,7 +7,7 @@ use crate::common::crossing::{PACKED, whole};
 use crate::common::{gshear_mpi, program};
 use gshear_store::run_reader::RunFile;
 
-/// Ramps, steps and oscillations of all that a protocol can impose, in eight short parts.
+/// Ramps, steps and oscillations of all that a protocol can impose, in nine short parts.
 const MIXED: &str = "shear.protocol=[
     { velocity = 0.3, time = 1e-7 },
     { velocity = 0.3, time = 2e-7, pressure = 5e5, pressure_end = 8e5 },
@@ -17,6 +17,7 @@ const MIXED: &str = "shear.protocol=[
     { velocity = 0.3, time = 2e-7, wall_velocity = 0 },
     { velocity = 0.3, time = 2e-7, pressure_amplitude = 1e5, pressure_frequency = 2e7 },
     { velocity = 0.3, time = 2e-7, bottom_amplitude = 2e-9, bottom_frequency = 1e7 },
+    { velocity = 0.3, time = 2e-7, bottom_amplitude_x = 8e-9, bottom_frequency_x = 9e6, bottom_phase_x = 30 },
 ]";
 
 /// Runs them in `folder`.
@@ -89,7 +90,31 @@ fn what_is_imposed_is_a_closed_form() {
     let bottom = column("bottom_displacement");
     let greatest = bottom.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     assert!((1.8e-9..=2e-9).contains(&greatest), "{greatest}");
-    assert!(found > 40, "{found}");
+    let along = column("bottom_displacement_x");
+    let last = series.time[series.rows() - 1];
+    for k in rows(last - 2e-7, last) {
+        // From the end, because parts are of whole steps.
+        let turns = |t: f64| std::f64::consts::TAU * (9e6 * t + 30.0 / 360.0);
+        let expected = 8e-9 * (turns(series.time[k] - last + 2e-7).sin() - turns(0.0).sin());
+        let error = 8e-9 * 9e6 * std::f64::consts::TAU * step;
+        assert!(
+            (along[k] - expected).abs() < error,
+            "{k}: {} {expected}",
+            along[k]
+        );
+        assert_eq!(bottom[k], bottom[series.rows() - 1]);
+        found += 1;
+    }
+    let first = series
+        .time
+        .iter()
+        .position(|t| *t > last - 2e-7 - 3.0 * step);
+    assert!(
+        along[..first.expect("the last part")]
+            .iter()
+            .all(|x| *x == 0.0)
+    );
+    assert!(found > 55, "{found}");
     let residual = column("energy_residual");
     let worst = residual
         .iter()

@@ -43,6 +43,8 @@ pub const DISKS: Case = Case {
         "shear_stress = 2e5, shear_stress_end = -1e5, time = 1e-7",
         "shear_stress = 0, shear_stress_amplitude = 2e5, frequency = 1e7, cycles = 1.25",
         "velocity = 0.3, time = 1e-7, bottom_amplitude = 2e-9, bottom_frequency = 1e7",
+        "velocity = 0.3, time = 1e-7, bottom_amplitude_x = 5e-9, bottom_frequency_x = 2e7",
+        "velocity = 0.3, time = 1e-7, bottom_amplitude_x = 5e-9, bottom_frequency_x = 2e7, bottom_phase_x = 60, bottom_amplitude = 2e-9, bottom_frequency = 1e7",
         "velocity = 0, time = 5e-8",
     ],
 };
@@ -65,6 +67,7 @@ pub const SPHERES: Case = Case {
         "shear_stress = 3e4, shear_stress_end = -2e4, time = 1e-4",
         "shear_stress = 0, shear_stress_amplitude = 3e4, frequency = 1e4, cycles = 1.25",
         "velocity = 3, time = 1e-4, bottom_amplitude = 1e-5, bottom_frequency = 1e4",
+        "velocity = 3, time = 1e-4, bottom_amplitude_x = 2e-5, bottom_frequency_x = 2e4, bottom_phase_x = 90, bottom_amplitude = 1e-5, bottom_frequency = 1e4",
         "velocity = 0, time = 5e-5",
     ],
 };
@@ -77,6 +80,7 @@ pub const SPHERES_BETWEEN_FLAT_WALLS: Case = Case {
         "velocity = -3, ramp = 8e-5, time = 1e-4, pressure = 8e4, pressure_end = 1.2e5",
         "velocity = 3, time = 1e-4, wall_velocity = -0.1",
         "shear_stress = 1e4, time = 1e-4, pressure = 1e5, bottom_amplitude = 1e-5, bottom_frequency = 1e4",
+        "velocity = 3, time = 1e-4, bottom_amplitude_x = 2e-5, bottom_frequency_x = 2e4",
     ],
     ..SPHERES
 };
@@ -97,6 +101,7 @@ pub const SPHERES_UNDER_A_SPRING: Case = Case {
         "strain_amplitude = 0.003, frequency = 1e4, cycles = 1.25, pressure = 1e5",
         "strain_amplitude = 0.003, frequency = 1e4, cycles = 1.25, wall_velocity = 0",
         "velocity = 3, time = 1e-4, bottom_amplitude = 1e-5, bottom_frequency = 1e4, pressure = 1e5",
+        "velocity = 3, time = 1e-4, bottom_amplitude_x = 2e-5, bottom_frequency_x = 2e4",
     ],
     ..SPHERES
 };
@@ -233,6 +238,7 @@ pub const DISKS_BELOW_A_FREE_SURFACE: Case = Case {
     parts: &[
         "time = 4e-6",
         "time = 2e-7, bottom_amplitude = 2e-9, bottom_frequency = 1e7",
+        "time = 2e-7, bottom_amplitude_x = 5e-9, bottom_frequency_x = 2e7, bottom_phase_x = -90",
         "time = 1e-7",
     ],
     ..DISKS
@@ -251,6 +257,7 @@ pub const SPHERES_BELOW_A_FREE_SURFACE: Case = Case {
     parts: &[
         "time = 1.5e-3",
         "time = 2e-4, bottom_amplitude = 1e-5, bottom_frequency = 1e4",
+        "time = 2e-4, bottom_amplitude_x = 2e-5, bottom_frequency_x = 2e4, bottom_amplitude = 1e-5, bottom_frequency = 1e4",
         "time = 1e-4",
     ],
     ..SPHERES

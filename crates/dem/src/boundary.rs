@@ -9,7 +9,9 @@ use std::sync::LazyLock;
 
 use crate::columns::Column;
 use crate::protocol::Protocol;
-use crate::state::{FlowRow, ImposedRow, LateralRow, SeriesRow, StressRow, TemperatureRow, body};
+use crate::state::{
+    BottomRow, FlowRow, ImposedRow, LateralRow, SeriesRow, StressRow, TemperatureRow, body,
+};
 
 /// What is at one end of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -174,8 +176,12 @@ pub static FREE_SURFACE: Boundary = Boundary {
             doc: "0: nothing above the sample moves",
         },
         Meaning {
+            column: "work_drive",
+            doc: "work of a bottom wall that vibrates along x on the sample",
+        },
+        Meaning {
             column: "work_load",
-            doc: "work of gravity, and of a bottom wall that vibrates, on the sample",
+            doc: "work of gravity, and of a bottom wall that vibrates along its normal, on the sample",
         },
         Meaning {
             column: "imposed_normal_force",
@@ -256,6 +262,10 @@ pub static PERIODIC: Boundary = Boundary {
             doc: "velocity of the far end of the spring, or of the images themselves",
         },
         Meaning {
+            column: "work_drive",
+            doc: "work of the drive on the sample",
+        },
+        Meaning {
             column: "work_load",
             doc: "work of the stresses that change the lengths of the cell on the sample",
         },
@@ -269,6 +279,10 @@ pub static PERIODIC: Boundary = Boundary {
         },
         Meaning {
             column: "bottom_displacement",
+            doc: "0: there is no wall",
+        },
+        Meaning {
+            column: "bottom_displacement_x",
             doc: "0: there is no wall",
         },
     ],
@@ -297,6 +311,8 @@ pub struct FurtherColumns {
     pub imposed: bool,
     /// Those of [`LateralRow`] ([`Protocol::has_lateral`]).
     pub lateral: bool,
+    /// Those of [`BottomRow`]: the bottom vibrates along x.
+    pub bottom: bool,
     /// Those of [`TemperatureRow`] (`output.temperatures`).
     pub temperatures: bool,
 }
@@ -306,14 +322,16 @@ impl FurtherColumns {
     pub const ALL: Self = Self {
         imposed: true,
         lateral: true,
+        bottom: true,
         temperatures: true,
     };
 
     /// All combinations.
     fn combinations() -> impl Iterator<Item = Self> {
-        (0..8).map(|bits| Self {
+        (0..16).map(|bits| Self {
             imposed: bits & 1 != 0,
             lateral: bits & 2 != 0,
+            bottom: bits & 8 != 0,
             temperatures: bits & 4 != 0,
         })
     }
@@ -470,8 +488,8 @@ impl Boundary {
         }
     }
 
-    /// Columns of the time series: those of [`SeriesRow`], of [`ImposedRow`] if there are some, of
-    /// [`StressRow`] if there are no walls, of [`FlowRow`] below a free surface, and of
+    /// Columns of the time series: those of [`SeriesRow`], of [`ImposedRow`] and [`BottomRow`] if
+    /// there are some, of [`StressRow`] if there are no walls, of [`FlowRow`] below a free surface, and of
     /// [`LateralRow`] and [`TemperatureRow`] if there are some.
     pub fn series_columns(&self, further: FurtherColumns) -> &'static [Column] {
         type OfKind = Vec<(FurtherColumns, Vec<Column>)>;
@@ -495,6 +513,9 @@ impl Boundary {
         let mut columns = SeriesRow::COLUMNS.to_vec();
         if further.imposed {
             columns.extend(ImposedRow::COLUMNS);
+        }
+        if further.bottom {
+            columns.extend(BottomRow::COLUMNS);
         }
         columns.extend(self.further_columns());
         if further.lateral {

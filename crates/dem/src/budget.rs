@@ -27,9 +27,11 @@ pub struct EnergyBudget {
     set_back: [i128; 2],
     /// Whether an energy was too great to be counted.
     uncounted: bool,
-    /// The work done along x on the sample, and the force along x in the last step, over all ranks.
+    /// The work done along x on the sample, and the forces along x on the sample in the last step,
+    /// of the top and of a bottom that vibrates along x, over all ranks.
     work: f64,
     force: f64,
+    bottom_force: f64,
     /// The work of the walls along their normals, if it is not that of a constant load.
     normal: Option<NormalWork>,
     /// The sample at the start of the shear; `None` until then.
@@ -103,6 +105,8 @@ pub struct SavedBudget {
     uncounted: bool,
     work: f64,
     force: f64,
+    #[serde(default, skip_serializing_if = "crate::drive::is_zero")]
+    bottom_force: f64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     normal: Option<NormalWork>,
     begin: Option<Begin>,
@@ -128,7 +132,7 @@ impl SavedBudget {
 pub struct EnergyBalance {
     /// Elastic energies of the contacts: normal, tangential, rolling.
     pub elastic: [f64; ELASTIC],
-    /// Work of the drive along x.
+    /// Work of the drive along x, and of a bottom that vibrates along it.
     pub work_drive: f64,
     /// Work of the load on the top, or of the motion of the walls along their normals; below a free
     /// surface with that of gravity.
@@ -164,6 +168,7 @@ impl EnergyBudget {
             uncounted: false,
             work: 0.0,
             force: 0.0,
+            bottom_force: 0.0,
             normal: None,
             begin: None,
         }
@@ -204,6 +209,11 @@ impl EnergyBudget {
         let along = -forces.along;
         self.work += 0.5 * (self.force + along) * moved.along;
         self.force = along;
+        if let Some(moved) = moved.bottom_along {
+            let along = -forces.bottom_along;
+            self.work += 0.5 * (self.bottom_force + along) * moved;
+            self.bottom_force = along;
+        }
         if let Some(rose) = moved.normal {
             let normal = self.normal.get_or_insert_default();
             normal.push(forces, rose, moved.lateral);
@@ -223,6 +233,7 @@ impl EnergyBudget {
             self.uncounted = saved.uncounted;
         }
         (self.work, self.force, self.begin) = (saved.work, saved.force, saved.begin);
+        self.bottom_force = saved.bottom_force;
         self.normal = saved.normal;
     }
 
@@ -234,6 +245,7 @@ impl EnergyBudget {
             uncounted,
             work: self.work,
             force: self.force,
+            bottom_force: self.bottom_force,
             normal: self.normal,
             begin: self.begin,
         }

@@ -16,8 +16,8 @@ use crate::failure::{Failure, Result};
 use crate::kernel::ContactForces;
 use crate::simd::{Lanes, Work};
 use crate::state::{
-    Cell, ContactSample, FlowRow, GrainSample, Grains, ImposedRow, LateralRow, SeriesRow,
-    StressRow, Touching, body,
+    BottomRow, Cell, ContactSample, FlowRow, GrainSample, Grains, ImposedRow, LateralRow,
+    SeriesRow, StressRow, Touching, body,
 };
 use crate::system::System;
 
@@ -410,7 +410,7 @@ pub fn series<D: Dimension>(
     let [wall_height, wall_velocity] = match &input.flow {
         Some(flow) => flow.height.map(|x| 2.0 * x),
         None => [
-            piston.height - constants.walls - top.bottom_displacement(),
+            piston.height - constants.walls - top.bottom_displacement()[1],
             piston.velocity,
         ],
     };
@@ -462,7 +462,14 @@ pub fn imposed(top: &Top) -> ImposedRow {
     ImposedRow {
         imposed_normal_force: normal,
         imposed_shear_force: shear,
-        bottom_displacement: top.bottom_displacement(),
+        bottom_displacement: top.bottom_displacement()[1],
+    }
+}
+
+/// Where a bottom that vibrates along x is at the end of a step.
+pub fn bottom_along(top: &Top) -> BottomRow {
+    BottomRow {
+        bottom_displacement_x: top.bottom_displacement()[0],
     }
 }
 

@@ -2,10 +2,14 @@
 //! imposed value is a closed form of the step, so nothing accumulates and nothing needs to be
 //! saved.
 
+mod imposed;
+
 use std::f64::consts::TAU;
 
 use crate::until::Until;
 use crate::wave::Wave;
+
+pub use imposed::{Along, Course, Imposed, Lateral, LateralAxis, Normal, Ramp, Vibration};
 
 /// What is imposed on the walls, step by step.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,7 +19,8 @@ pub struct Protocol {
     /// At least one.
     segments: Vec<Segment>,
     has_normal: bool,
-    has_bottom: bool,
+    /// Whether the bottom vibrates along x, and along its normal.
+    has_bottom: [bool; 2],
 }
 
 /// Steps of one kind.
@@ -31,8 +36,8 @@ pub struct Segment {
     pub imposed: Imposed,
     /// Position of the drive at its start (m), if the drive stood still in segments of a force.
     pub position: f64,
-    /// Position of the bottom along its normal at its start (m).
-    pub bottom: f64,
+    /// Displacement of the bottom along x and its normal at its start (m).
+    pub bottom: [f64; 2],
 }
 
 /// A part of the protocol of a scene. It does not depend on the sample and its time step:
@@ -54,6 +59,7 @@ impl Part {
         let wave = |wave: Wave, unit: f64| Wave {
             amplitude: wave.amplitude * unit,
             frequency: wave.frequency * step,
+            ..wave
         };
         let course = |course: Course| Course {
             from: course.from * base,
@@ -74,7 +80,10 @@ impl Part {
                 Normal::Load(pressure) => Normal::Load(course(pressure)),
                 Normal::Velocity(velocity) => Normal::Velocity(velocity),
             }),
-            bottom: self.imposed.bottom.map(|height| wave(height, 1.0)),
+            bottom: Vibration {
+                along: self.imposed.bottom.along.map(|x| wave(x, 1.0)),
+                normal: self.imposed.bottom.normal.map(|height| wave(height, 1.0)),
+            },
             lateral: self.imposed.lateral,
         }
     }
@@ -100,158 +109,10 @@ impl Part {
             Some(Normal::Load(pressure)) => pressure.wave,
             _ => None,
         };
-        let waves = [along, normal, self.imposed.bottom].into_iter().flatten();
+        let bottom = self.imposed.bottom;
+        let waves = [along, normal, bottom.along, bottom.normal];
+        let waves = waves.into_iter().flatten();
         waves.map(|wave| wave.frequency).fold(0.0, f64::max)
-    }
-}
-
-/// What is imposed during a segment.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Imposed {
-    /// Along x, on the top.
-    pub along: Along,
-    /// Along the normal of the top. `None`: the load of the piston stays as it is; either all
-    /// segments of a protocol have it or none.
-    pub normal: Option<Normal>,
-    /// The displacement of the bottom along its normal (m), if it vibrates.
-    pub bottom: Option<Wave>,
-    /// The lengths of a cell without walls across its height, if they change; either all segments
-    /// of a protocol have it or none.
-    pub lateral: Option<Lateral>,
-}
-
-/// How the lengths of a cell without walls across its height change.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Lateral {
-    /// All lengths change by the same factor, and the load is of the mean of the normal stresses.
-    Isotropic,
-    /// Along x, and in 3D along y.
-    Axes([LateralAxis; 2]),
-}
-
-/// What is imposed along an axis across the height of a cell without walls.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum LateralAxis {
-    /// The length stays.
-    Fixed,
-    /// The normal stress (Pa), compression positive.
-    Stress(Course),
-    /// The natural strain over the segment, compression positive, at a constant rate.
-    Strain(f64),
-}
-
-/// What is imposed along x.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Along {
-    /// The velocity of the drive (m/s); 0 is a hold.
-    Velocity(f64),
-    /// The velocity of the drive, which it reaches along a ramp.
-    Ramp(Ramp),
-    /// The drive oscillates about its position at the start of the segment (m).
-    Oscillation(Wave),
-    /// The top is free, and pulled by this force (N; N/m in 2D).
-    Force(Course),
-}
-
-/// What is imposed along the normal of the top.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Normal {
-    /// The load N (N; N/m in 2D).
-    Load(Course),
-    /// The velocity away from the bottom (m/s); 0 is a constant volume.
-    Velocity(f64),
-}
-
-/// A velocity that changes linearly from one value to another, and is then constant.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ramp {
-    /// At the start (m/s).
-    pub from: f64,
-    /// At the end of the ramp, and from then on.
-    pub to: f64,
-    /// Duration of the ramp: in steps, of a part of a scene in seconds. Need not be whole.
-    pub time: f64,
-}
-
-impl Ramp {
-    /// The velocity (m/s) this long after the start, in the unit of the ramp's time.
-    pub fn velocity(&self, time: f64) -> f64 {
-        if time >= self.time {
-            self.to
-        } else {
-            self.from + (self.to - self.from) * (time / self.time)
-        }
-    }
-
-    /// The integral of the velocity (m/s times the unit of time) over this time.
-    pub fn distance(&self, time: f64) -> f64 {
-        if time >= self.time {
-            self.to * time + 0.5 * (self.from - self.to) * self.time
-        } else {
-            time * (self.from + 0.5 * (self.to - self.from) * (time / self.time))
-        }
-    }
-
-    /// The mean velocity (m/s) in the step after so many steps, of a ramp whose time is in steps.
-    fn velocity_in_step(&self, steps: f64) -> f64 {
-        if steps >= self.time {
-            self.to
-        } else {
-            self.distance(steps + 1.0) - self.distance(steps)
-        }
-    }
-
-    /// The greatest speed (m/s).
-    fn fastest(&self) -> f64 {
-        self.from.abs().max(self.to.abs())
-    }
-}
-
-/// The course of a force during a segment: linear from one value to another, and a sinusoid.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Course {
-    /// At the start (N; N/m in 2D).
-    pub from: f64,
-    /// At the end.
-    pub to: f64,
-    /// Added to it.
-    pub wave: Option<Wave>,
-}
-
-impl Course {
-    /// A constant force.
-    pub fn constant(value: f64) -> Self {
-        Self {
-            from: value,
-            to: value,
-            wave: None,
-        }
-    }
-
-    /// The amplitude of what is added to it.
-    pub fn amplitude(&self) -> f64 {
-        self.wave.map_or(0.0, |wave| wave.amplitude)
-    }
-
-    /// The force after so many of all steps of the segment.
-    pub fn at(&self, steps: u64, all: u64) -> f64 {
-        let linear = if steps >= all {
-            self.to
-        } else {
-            self.from + (self.to - self.from) * (steps as f64 / all as f64)
-        };
-        self.wave.map_or(linear, |wave| linear + wave.at(steps))
-    }
-}
-
-impl From<Along> for Imposed {
-    fn from(along: Along) -> Self {
-        Self {
-            along,
-            normal: None,
-            bottom: None,
-            lateral: None,
-        }
     }
 }
 
@@ -312,11 +173,15 @@ impl Segment {
         }
     }
 
-    fn bottom(&self, step: u64) -> f64 {
+    fn bottom(&self, step: u64) -> [f64; 2] {
         let done = step - self.first;
-        self.imposed
-            .bottom
-            .map_or(self.bottom, |wave| self.bottom + wave.at(done))
+        let mut bottom = self.bottom;
+        for (at, wave) in bottom.iter_mut().zip(self.imposed.bottom.axes()) {
+            if let Some(wave) = wave {
+                *at += wave.at(done);
+            }
+        }
+        bottom
     }
 }
 
@@ -337,17 +202,21 @@ impl Protocol {
                 planned: steps,
                 imposed,
                 position: 0.0,
-                bottom: 0.0,
+                bottom: [0.0; 2],
             };
             if let Some(last) = segments.last() {
                 segment.put_after(last, step);
             }
             segments.push(segment);
         }
+        let vibrates = |axis: usize| {
+            let mut bottoms = segments.iter().map(|s| s.imposed.bottom.axes());
+            bottoms.any(|axes| axes[axis].is_some())
+        };
         Self {
             step,
             has_normal: segments.iter().any(|s| s.imposed.normal.is_some()),
-            has_bottom: segments.iter().any(|s| s.imposed.bottom.is_some()),
+            has_bottom: [0, 1].map(vibrates),
             segments,
         }
     }
@@ -379,7 +248,17 @@ impl Protocol {
 
     /// Whether the bottom vibrates.
     pub fn has_bottom(&self) -> bool {
-        self.has_bottom
+        self.has_bottom != [false; 2]
+    }
+
+    /// Whether it does so along x.
+    pub fn has_bottom_along(&self) -> bool {
+        self.has_bottom[0]
+    }
+
+    /// Whether it does so along its normal.
+    pub fn has_bottom_normal(&self) -> bool {
+        self.has_bottom[1]
     }
 
     /// Whether some segment imposes a force along x.
@@ -390,7 +269,7 @@ impl Protocol {
     /// Whether it imposes more than velocities along x.
     pub(crate) fn is_more_than_velocities(&self) -> bool {
         let velocities = self.segments.iter().all(|s| s.velocity().is_some());
-        !velocities || self.has_normal || self.has_bottom
+        !velocities || self.has_normal || self.has_bottom()
     }
 
     /// The greatest speed of a wall (m/s) that a segment imposes, or a bound of it: forces impose
@@ -415,9 +294,11 @@ impl Protocol {
                 Some(Normal::Velocity(velocity)) => velocity,
                 _ => 0.0,
             };
-            (along * along + normal * normal)
+            let [bottom_along, bottom_normal] = bottom.axes().map(|wave| wave.map_or(0.0, of_wave));
+            let squared = |along: f64, normal: f64| along * along + normal * normal;
+            squared(along, normal)
+                .max(squared(bottom_along, bottom_normal))
                 .sqrt()
-                .max(bottom.map_or(0.0, of_wave))
         };
         self.segments.iter().map(of_segment).fold(0.0, f64::max)
     }
@@ -474,22 +355,29 @@ impl Protocol {
         self.segment(step).position(step, self.step)
     }
 
-    /// Displacement of the bottom along its normal (m) after `step` steps.
-    pub fn bottom(&self, step: u64) -> f64 {
+    /// Displacement of the bottom along x and its normal (m) after `step` steps.
+    pub fn bottom(&self, step: u64) -> [f64; 2] {
         self.segment(step).bottom(step)
     }
 
-    /// Velocity of the bottom along its normal (m/s) in the step after `step` steps.
-    pub(crate) fn bottom_velocity(&self, step: u64) -> f64 {
-        (self.bottom(step + 1) - self.bottom(step)) / self.step
+    /// How far the bottom moves along x and its normal (m) in the step after `step` steps.
+    pub(crate) fn bottom_way(&self, step: u64) -> [f64; 2] {
+        let [begin, end] = [step, step + 1].map(|step| self.bottom(step));
+        [end[0] - begin[0], end[1] - begin[1]]
     }
 
-    /// Velocity of the bottom along its normal (m/s) at the end of the last of `step` steps.
-    pub(crate) fn full_bottom_velocity(&self, step: u64) -> f64 {
+    /// Velocity of the bottom along x and its normal (m/s) in the step after `step` steps.
+    pub(crate) fn bottom_velocity(&self, step: u64) -> [f64; 2] {
+        self.bottom_way(step).map(|way| way / self.step)
+    }
+
+    /// Velocity of the bottom along x and its normal (m/s) at the end of the last of `step` steps.
+    pub(crate) fn full_bottom_velocity(&self, step: u64) -> [f64; 2] {
         let segment = self.segment_before(step);
         let done = step - segment.first;
         let rate = |wave: Wave| wave.rate(done, self.step);
-        segment.imposed.bottom.map_or(0.0, rate)
+        let axes = segment.imposed.bottom.axes();
+        axes.map(|wave| wave.map_or(0.0, rate))
     }
 
     /// Whether both impose the same in the first `steps` steps, up to the rounding of positions.
@@ -522,7 +410,7 @@ impl Protocol {
                 (one, two) => one == two,
             };
             let bottom = one.imposed.bottom == two.imposed.bottom
-                && (one.imposed.bottom.is_none() || same_start);
+                && (!one.imposed.bottom.is_some() || same_start);
             let lateral = same_lateral(&one.imposed, &two.imposed, course)
                 && (one.imposed.lateral.is_none() || same_start);
             along && normal && bottom && lateral
@@ -561,6 +449,7 @@ mod tests {
         Wave {
             amplitude,
             frequency,
+            phase: 0.0,
         }
     }
 

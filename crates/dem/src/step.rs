@@ -642,9 +642,11 @@ pub fn initial_forces<D: Dimension>(
     let sum = SumOverRanks::begin(exchange, system, drive, load, failure, [false; FLAGS]);
     let (load, _) = sum.end(exchange, system)?;
     if let Some(budget) = &mut system.budget {
+        let moved = drive.moved();
         let at_rest = WallSteps {
             along: 0.0,
-            normal: drive.moved().normal.map(|_| [0.0; 2]),
+            bottom_along: moved.bottom_along.map(|_| 0.0),
+            normal: moved.normal.map(|_| [0.0; 2]),
             lateral: [0.0; 2],
         };
         budget.push(&load, at_rest);

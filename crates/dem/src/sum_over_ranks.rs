@@ -10,7 +10,7 @@ use crate::system::System;
 pub(crate) const FLAGS: usize = 4;
 const FORCES_AT: usize = 1 + FLAGS;
 const FORCE: usize = LIMBS + 1;
-const FORCES: usize = 5;
+const FORCES: usize = 6;
 const MESSAGE: usize = FORCES_AT + FORCES * FORCE;
 /// Size of the message that the ranks sum in every step (bytes), if it has the forces on the top.
 pub const MESSAGE_BYTES: usize = (FORCES_AT + 2 * FORCE) * size_of::<i64>();
@@ -46,13 +46,14 @@ impl SumOverRanks {
             *to = i64::from(flag);
         }
         let [x, y] = load.lateral;
-        let sums = [load.up, load.along, load.bottom, x, y];
+        let sums = [load.up, load.along, load.bottom, x, y, load.bottom_along];
         for (sum, limbs) in sums.iter().zip(message[FORCES_AT..].chunks_mut(FORCE)) {
             sum.write(limbs);
         }
         let forces = match drive.summed_forces() {
             SummedForces::OnTop => 2,
             SummedForces::OnTopAndBottom => 3,
+            SummedForces::OnSides => 5,
             SummedForces::All => FORCES,
         };
         let length = FORCES_AT + forces * FORCE;
@@ -84,7 +85,7 @@ impl SumOverRanks {
             system.fixed.value(Accumulator::read(limbs))
         };
         let forces: [f64; FORCES] = std::array::from_fn(force);
-        let [up, along, bottom, lateral @ ..] = forces;
+        let [up, along, bottom, x, y, bottom_along] = forces;
         if message[0] > 0 || forces.iter().any(|force| force.is_nan()) {
             return Err(system.fail(exchange, failure));
         }
@@ -93,7 +94,8 @@ impl SumOverRanks {
             up,
             along,
             bottom,
-            lateral,
+            lateral: [x, y],
+            bottom_along,
         };
         Ok((forces, flags))
     }

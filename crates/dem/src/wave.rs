@@ -2,26 +2,39 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// A sinusoid a sin(2πf t).
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A sinusoid a (sin(2πf t + φ) - sin φ), which begins at 0.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Wave {
     /// a.
     pub amplitude: f64,
     /// f: cycles per step of Δt; in a [`Part`](crate::protocol::Part) of a protocol cycles per
     /// second.
     pub frequency: f64,
+    /// φ in turns.
+    pub phase: f64,
 }
 
 impl Wave {
     /// The value after so many steps.
     pub fn at(&self, steps: u64) -> f64 {
-        self.amplitude * sine_and_cosine(self.frequency * steps as f64)[0]
+        let [start, _] = sine_and_cosine(self.phase);
+        let [sine, _] = sine_and_cosine(self.turns(steps));
+        self.amplitude * (sine - start)
     }
 
     /// The derivative with respect to time after so many steps; Δt is `step` (s).
     pub fn rate(&self, steps: u64, step: f64) -> f64 {
-        let [_, cosine] = sine_and_cosine(self.frequency * steps as f64);
+        let [_, cosine] = sine_and_cosine(self.turns(steps));
         self.amplitude * (TAU * self.frequency / step) * cosine
+    }
+
+    /// The greatest derivative, in the unit of time of the frequency.
+    pub fn fastest(&self) -> f64 {
+        TAU * self.frequency * self.amplitude
+    }
+
+    fn turns(&self, steps: u64) -> f64 {
+        self.frequency * steps as f64 + self.phase
     }
 }
 
@@ -87,6 +100,7 @@ mod tests {
         let wave = Wave {
             amplitude: 3.0,
             frequency: 1e-6,
+            phase: 0.3,
         };
         let step = 2e-3;
         for k in [1, 123_456, 777_777] {
@@ -94,5 +108,18 @@ mod tests {
             let scale = 3.0 * TAU * 1e-6 / step;
             assert!((wave.rate(k, step) - difference).abs() < 1e-9 * scale);
         }
+    }
+    /// A quarter of a turn ahead, a sinusoid begins at rest, at 0, and is behind 0 by its amplitude
+    /// on the mean.
+    #[test]
+    fn a_phase_begins_at_zero() {
+        let wave = Wave {
+            amplitude: 3.0,
+            frequency: 1.0 / 8.0,
+            phase: 0.25,
+        };
+        assert_eq!([0, 2, 4, 8].map(|k| wave.at(k)), [0.0, -3.0, -6.0, 0.0]);
+        assert_eq!(wave.rate(0, 1.0), 0.0);
+        assert_eq!(wave.rate(2, 1.0), -3.0 * TAU / 8.0);
     }
 }

@@ -220,7 +220,7 @@ impl ShearHeader {
         let walls = scene.shear()?;
         let step = self.slider.map_or(0, |slider| slider.step);
         let schedule = self.with_ends(Schedule::new(scene, walls, self.height));
-        let rise = schedule.protocol.bottom(step);
+        let [_, rise] = schedule.protocol.bottom(step);
         let floor = walls.floor();
         let heights = [floor + rise, floor + self.piston.height];
         walls.boundary.planes(heights)

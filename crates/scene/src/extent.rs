@@ -233,8 +233,14 @@ fn check_waves(scene: &Scene, walls: &PlaneShear) -> Result<(), String> {
             Some(Normal::Velocity(velocity)) => velocity.abs() * step,
             _ => 0.0,
         };
-        let vibration = part.imposed.bottom.map_or(0.0, |wave| wave.amplitude);
-        for (name, distance) in [("wall_velocity", vertical), ("bottom_amplitude", vibration)] {
+        let bottom = part.imposed.bottom;
+        let vibration = bottom.normal.map_or(0.0, |wave| wave.amplitude);
+        let along = bottom.along.map_or(0.0, |wave| wave.fastest() * step);
+        for (name, distance) in [
+            ("wall_velocity", vertical),
+            ("bottom_amplitude", vibration),
+            ("bottom_amplitude_x", along),
+        ] {
             if distance > sample.mean_diameter {
                 return Err(format!(
                     "part {n}: {name} moves a wall by {distance:.1e} m, more than a mean diameter of {:.1e} m, in a step or a cycle; give less",

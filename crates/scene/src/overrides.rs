@@ -147,7 +147,7 @@ mod tests {
             sample.grains=1e3 | expected an integer without decimal point or exponent, found the number 1000.0
             title=3 | expected a string in quotes, found the integer 3
             time.force=yes | expected true or false, found the string "yes"
-            shear.protocol=[{velocty="1 m/s", time=1}] | part 1: unknown key velocty; did you mean velocity? A part knows velocity, ramp, distance, time, cycles, strain_amplitude, frequency, shear_stress, shear_stress_end, shear_stress_amplitude, pressure, pressure_end, pressure_amplitude, pressure_frequency, wall_velocity, mean_pressure, mean_pressure_end, stress_xx, stress_xx_end, strain_xx, stress_yy, stress_yy_end, strain_yy, bottom_amplitude, bottom_frequency, until_stress_ratio_below, until_stress_ratio_above, until_drop, until_slip_rate_below, until_slip_rate_above, until_slip, until_checks
+            shear.protocol=[{velocty="1 m/s", time=1}] | part 1: unknown key velocty; did you mean velocity? A part knows velocity, ramp, distance, time, cycles, strain_amplitude, frequency, shear_stress, shear_stress_end, shear_stress_amplitude, pressure, pressure_end, pressure_amplitude, pressure_frequency, wall_velocity, mean_pressure, mean_pressure_end, stress_xx, stress_xx_end, strain_xx, stress_yy, stress_yy_end, strain_yy, bottom_amplitude, bottom_frequency, bottom_amplitude_x, bottom_frequency_x, bottom_phase_x, until_stress_ratio_below, until_stress_ratio_above, until_drop, until_slip_rate_below, until_slip_rate_above, until_slip, until_checks
             shear.velocity=1e-3 | contradicts shear.inertial_number (line 33); give exactly one of inertial_number, velocity; --set shear.inertial_number=none takes that one away
             "#,
         ) {

@@ -7,7 +7,7 @@ use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Result;
 use gshear_dem::laws::Law;
 use gshear_dem::laws::keys::{ANY, Bounds, Change, Key, KeyReader, POSITIVE};
-use gshear_dem::protocol::{Along, Course, Imposed, Normal, Part, Ramp};
+use gshear_dem::protocol::{Along, Course, Imposed, Normal, Part, Ramp, Vibration};
 use gshear_dem::until::Until;
 use gshear_dem::wave::Wave;
 
@@ -21,6 +21,11 @@ use crate::table::table;
 use crate::value::Value;
 use crate::words::show;
 
+/// A phase in degrees.
+const ANGLE: Bounds = Bounds {
+    from: Bound::Included(-360.0),
+    to: Bound::Included(360.0),
+};
 /// Number of checks of a part.
 const CHECKS: Bounds = Bounds {
     from: Bound::Included(1.0),
@@ -120,6 +125,12 @@ table! {
         bottom_amplitude: Number(POSITIVE) { unit: "m" },
         /// of the bottom wall
         bottom_frequency: Number(POSITIVE) { unit: "Hz" },
+        /// vibration of the bottom wall along x, with `bottom_frequency_x`
+        bottom_amplitude_x: Number(POSITIVE) { unit: "m" },
+        /// of the bottom wall along x
+        bottom_frequency_x: Number(POSITIVE) { unit: "Hz" },
+        /// φ in degrees (default 0): that vibration is x = A (sin(2πft + φ) - sin φ)
+        bottom_phase_x: Number(ANGLE) {},
         /// ends the part before its time: τ = S/N is less than this
         until_stress_ratio_below: Number(ANY) {},
         /// ends the part: τ is more than this
@@ -290,8 +301,14 @@ pub(crate) fn derive(
 }
 
 /// The keys of a part that need no top wall.
-pub(crate) static WITHOUT_TOP: [&Key; 3] =
-    [&PART.time, &PART.bottom_amplitude, &PART.bottom_frequency];
+pub(crate) static WITHOUT_TOP: [&Key; 6] = [
+    &PART.time,
+    &PART.bottom_amplitude,
+    &PART.bottom_frequency,
+    &PART.bottom_amplitude_x,
+    &PART.bottom_frequency_x,
+    &PART.bottom_phase_x,
+];
 
 /// The parts of a sample with a free surface, as those of a top that rests: nothing touches it.
 fn without_top(
@@ -371,12 +388,18 @@ fn parts(given: &[Vec<(String, f64)>], begin: ProtocolBegin<'_>) -> Result<Vec<P
         }
     }
     lateral::give_all(&mut parts);
-    let vibrates = parts.iter().any(|part| part.imposed.bottom.is_some());
-    if vibrates && !boundary.has_walls() {
-        return Err(format!(
-            "bottom_amplitude moves a wall, but sample.boundary = {:?}; leave it out",
-            boundary.key
-        ));
+    if !boundary.has_walls() {
+        let mut bottoms = parts.iter().map(|part| part.imposed.bottom);
+        if let Some(bottom) = bottoms.find(Vibration::is_some) {
+            let key = match bottom.normal {
+                Some(_) => &PART.bottom_amplitude,
+                None => &PART.bottom_amplitude_x,
+            };
+            return Err(format!(
+                "{} moves a wall, but sample.boundary = {:?}; leave it out",
+                key.path, boundary.key
+            ));
+        }
     }
     Ok(parts)
 }
@@ -389,7 +412,7 @@ static RULES: PartRules = PartRules {
 };
 
 /// Keys that need another one.
-static NEEDS: [(&Key, &[&Key]); 16] = [
+static NEEDS: [(&Key, &[&Key]); 19] = [
     (
         &PART.frequency,
         &[&PART.strain_amplitude, &PART.shear_stress_amplitude],
@@ -402,6 +425,9 @@ static NEEDS: [(&Key, &[&Key]); 16] = [
     (&PART.pressure_frequency, &[&PART.pressure_amplitude]),
     (&PART.bottom_amplitude, &[&PART.bottom_frequency]),
     (&PART.bottom_frequency, &[&PART.bottom_amplitude]),
+    (&PART.bottom_amplitude_x, &[&PART.bottom_frequency_x]),
+    (&PART.bottom_frequency_x, &[&PART.bottom_amplitude_x]),
+    (&PART.bottom_phase_x, &[&PART.bottom_amplitude_x]),
     (&PART.cycles, &[&PART.frequency]),
     (&PART.distance, &[&PART.velocity]),
     (&PART.ramp, &[&PART.velocity]),
@@ -445,7 +471,21 @@ impl PartValues<'_> {
         Some(Wave {
             amplitude: self.value(amplitude)?,
             frequency: self.value(frequency)?,
+            phase: 0.0,
         })
+    }
+
+    /// How the bottom wall vibrates.
+    fn bottom(&self) -> Vibration {
+        let degrees = self.value(&PART.bottom_phase_x).unwrap_or(0.0);
+        let along = self.wave(&PART.bottom_amplitude_x, &PART.bottom_frequency_x);
+        Vibration {
+            along: along.map(|wave| Wave {
+                phase: degrees / 360.0,
+                ..wave
+            }),
+            normal: self.wave(&PART.bottom_amplitude, &PART.bottom_frequency),
+        }
     }
 
     fn has_normal(&self) -> bool {
@@ -482,7 +522,7 @@ impl PartValues<'_> {
             imposed: Imposed {
                 along,
                 normal: Some(normal),
-                bottom: self.wave(&PART.bottom_amplitude, &PART.bottom_frequency),
+                bottom: self.bottom(),
                 lateral: lateral.map(|(lateral, _)| lateral),
             },
             time: self.time(along)?,

@@ -310,6 +310,7 @@ impl Schedule {
         let further = FurtherColumns {
             imposed: walls.boundary.shows_imposed(&protocol),
             lateral: protocol.has_lateral(),
+            bottom: protocol.has_bottom_along(),
             temperatures: output.temperatures,
         };
         Self {

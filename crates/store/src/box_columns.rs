@@ -115,14 +115,15 @@ mod tests {
     use gshear_analysis::frame_scalars::FrameScalars;
     use gshear_dem::profile::RankProfile;
     use gshear_dem::state::{
-        FlowRow, ImposedRow, LateralRow, SeriesRow, StressRow, TemperatureRow,
+        BottomRow, FlowRow, ImposedRow, LateralRow, SeriesRow, StressRow, TemperatureRow,
     };
     use std::collections::BTreeSet;
     use std::fmt::Write as _;
 
-    const TABLES: [(&str, &[Column]); 11] = [
+    const TABLES: [(&str, &[Column]); 12] = [
         ("SeriesRow", &SeriesRow::COLUMNS),
         ("ImposedRow", &ImposedRow::COLUMNS),
+        ("BottomRow", &BottomRow::COLUMNS),
         ("StressRow", &StressRow::COLUMNS),
         ("LateralRow", &LateralRow::COLUMNS),
         ("FlowRow", &FlowRow::COLUMNS),

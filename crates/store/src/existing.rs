@@ -151,7 +151,7 @@ fn unfit(path: &Path, why: &str) -> Failure {
 const NO_RUN: &str = "it is not the run.h5 of a run, or damaged";
 
 const ANOTHER: &str = "another version wrote the file, its protocol imposed velocities alone and this one more, \
-     or output.temperatures has changed: resume with what wrote it or into another folder (--out)";
+     its bottom did not vibrate along x, or output.temperatures has changed: resume with what wrote it or into another folder (--out)";
 
 /// A file that can be continued.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]

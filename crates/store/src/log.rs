@@ -161,7 +161,7 @@ fn check_columns(path: &Path, columns: &[Column]) -> Result<()> {
         if name != column.name {
             let why = format!(
                 "it lacks the column {column} (found: {name}); another version wrote it, its protocol \
-                 imposed velocities alone and this one more, or output.temperatures has changed"
+                 imposed velocities alone and this one more, its bottom did not vibrate along x, or output.temperatures has changed"
             );
             return Err(unfit(path, why));
         }

@@ -11,7 +11,7 @@ use crate::simd::Isa;
 use crate::state::{Grains, body};
 
 /// Walls of frozen grains, or flat walls, whose feet stand for these. The bottom is fixed, or
-/// vibrates along its normal. The top is rigid and moves as `motion` says.
+/// vibrates. The top is rigid and moves as `motion` says.
 #[derive(Debug)]
 pub struct GrainWalls {
     /// The motion of the top, and what is imposed on the walls.
@@ -38,7 +38,11 @@ impl GrainWalls {
 
     /// The velocities of the walls, where the bottom has this one (m/s), which is asked for only if
     /// it vibrates.
-    fn velocities(&self, top: [f64; 2], bottom: impl FnOnce(&Protocol) -> f64) -> WallVelocities {
+    fn velocities(
+        &self,
+        top: [f64; 2],
+        bottom: impl FnOnce(&Protocol) -> [f64; 2],
+    ) -> WallVelocities {
         let protocol = &self.motion.slider.protocol;
         WallVelocities {
             top,
@@ -50,7 +54,7 @@ impl GrainWalls {
     /// the top are NaN.
     fn bottom_motion(&self, ahead: u64) -> WallMotion {
         let begin = self.motion.slider.state.step + ahead;
-        let of_bottom = |velocity: fn(&Protocol, u64) -> f64, step: u64| {
+        let of_bottom = |velocity: fn(&Protocol, u64) -> [f64; 2], step: u64| {
             self.velocities([f64::NAN; 2], |protocol| velocity(protocol, step))
         };
         WallMotion {
@@ -75,7 +79,7 @@ impl<D: Dimension> Drive<D> for GrainWalls {
         let Slider {
             protocol, state, ..
         } = &self.motion.slider;
-        let bottom = protocol.full_bottom_velocity(state.step);
+        let [_, bottom] = protocol.full_bottom_velocity(state.step);
         self.motion.piston.velocity.abs().max(bottom.abs())
     }
 
@@ -83,7 +87,7 @@ impl<D: Dimension> Drive<D> for GrainWalls {
         let [bottom, top] = self.flat?;
         let Top { piston, .. } = &self.motion;
         Some([
-            bottom + self.motion.bottom_displacement(),
+            bottom + self.motion.bottom_displacement()[1],
             top + piston.height,
         ])
     }
@@ -119,7 +123,10 @@ impl<D: Dimension> Drive<D> for GrainWalls {
     }
 
     fn summed_forces(&self) -> SummedForces {
-        if self.motion.slider.protocol.has_bottom() {
+        let protocol = &self.motion.slider.protocol;
+        if protocol.has_bottom_along() {
+            SummedForces::All
+        } else if protocol.has_bottom() {
             SummedForces::OnTopAndBottom
         } else {
             SummedForces::OnTop
@@ -144,6 +151,11 @@ impl<D: Dimension> Drive<D> for GrainWalls {
         }
         for &g in walls.bottom {
             fixed.add(&mut sums.bottom, force[g as usize - first][D::UP]);
+        }
+        if self.motion.slider.protocol.has_bottom_along() {
+            for &g in walls.bottom {
+                fixed.add(&mut sums.bottom_along, force[g as usize - first][0]);
+            }
         }
     }
 

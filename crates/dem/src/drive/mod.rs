@@ -36,6 +36,8 @@ pub struct WallForces {
     pub bottom: f64,
     /// On the sides of a cell without walls, outwards: along x, and in 3D along y.
     pub lateral: [f64; 2],
+    /// On the bottom along x.
+    pub bottom_along: f64,
 }
 
 /// The exact sums of the [`WallForces`].
@@ -49,6 +51,8 @@ pub struct WallSums {
     pub bottom: Accumulator,
     /// On the sides of a cell without walls, outwards.
     pub lateral: [Accumulator; 2],
+    /// On the bottom along x.
+    pub bottom_along: Accumulator,
 }
 
 /// Which [`WallForces`] are summed over the ranks.
@@ -58,7 +62,9 @@ pub enum SummedForces {
     OnTop,
     /// Those on top and bottom.
     OnTopAndBottom,
-    /// All.
+    /// Those on top, bottom and sides.
+    OnSides,
+    /// All, also that on the bottom along x.
     All,
 }
 
@@ -82,6 +88,7 @@ impl WallSums {
         for (sum, more) in self.lateral.iter_mut().zip(other.lateral) {
             sum.merge(more);
         }
+        self.bottom_along.merge(other.bottom_along);
     }
 }
 
@@ -90,6 +97,8 @@ impl WallSums {
 pub struct WallSteps {
     /// The top along x.
     pub along: f64,
+    /// The bottom along x, if it vibrates so.
+    pub bottom_along: Option<f64>,
     /// The top and the bottom upwards, if the work along the normals is summed step by step.
     pub normal: Option<[f64; 2]>,
     /// The sides of a cell without walls outwards, with `normal`.
@@ -146,8 +155,8 @@ impl WallGrains<'_> {
 pub struct WallVelocities {
     /// Of the top, along x and upwards.
     pub top: [f64; 2],
-    /// Of the bottom upwards, if it vibrates.
-    pub bottom: Option<f64>,
+    /// Of the bottom, along x and upwards, if it vibrates.
+    pub bottom: Option<[f64; 2]>,
 }
 
 impl WallVelocities {
@@ -160,22 +169,18 @@ impl WallVelocities {
         first: usize,
         record: &mut [D::Record],
     ) {
-        let [along, up] = self.top;
-        for &g in walls.top {
-            let r = D::fields_mut(&mut record[g as usize - first]);
-            for at in at {
-                r[*at] = along;
-                r[at + D::UP] = up;
+        let mut give_to = |grains: &[u32], [along, up]: [f64; 2]| {
+            for &g in grains {
+                let r = D::fields_mut(&mut record[g as usize - first]);
+                for at in at {
+                    r[*at] = along;
+                    r[at + D::UP] = up;
+                }
             }
-        }
-        let Some(up) = self.bottom else {
-            return;
         };
-        for &g in walls.bottom {
-            let r = D::fields_mut(&mut record[g as usize - first]);
-            for at in at {
-                r[at + D::UP] = up;
-            }
+        give_to(walls.top, self.top);
+        if let Some(bottom) = self.bottom {
+            give_to(walls.bottom, bottom);
         }
     }
 }

@@ -84,7 +84,7 @@ impl MovingBoundary {
     /// The height (m) of the lower edge of the sample, or of the upper plane of a bottom wall of
     /// this thickness (m).
     pub fn bottom(&self, thickness: f64) -> f64 {
-        self.floor + thickness + self.top().bottom_displacement()
+        self.floor + thickness + self.top().bottom_displacement()[1]
     }
 
     /// The heights (m) of the outer planes of the walls, which no free grain is to pass; infinite

@@ -259,13 +259,15 @@ pub struct Top {
     pub normal_work: bool,
     /// How far top and bottom moved upwards in the last step (m).
     pub rose: [f64; 2],
+    /// How far the bottom moved along x in the last step (m).
+    pub bottom_slid: f64,
 }
 
 impl Top {
     /// `along`: whether the force along x is summed though no motion needs it.
     pub fn new(piston: Piston, slider: Slider, servo: Option<Servo>, along: bool) -> Self {
         let protocol = &slider.protocol;
-        let varies = protocol.has_normal() || protocol.has_bottom();
+        let varies = protocol.has_normal() || protocol.has_bottom_normal();
         Self {
             piston,
             servo,
@@ -273,12 +275,13 @@ impl Top {
             normal_work: varies || servo.is_some(),
             slider,
             rose: [0.0; 2],
+            bottom_slid: 0.0,
         }
     }
 
     /// Imposes the load or the normal velocity of the start of the shear. Returns the velocities of
-    /// the walls (m/s): of the top along x and upwards, of the bottom upwards.
-    pub fn begin(&mut self) -> [f64; 3] {
+    /// top and bottom (m/s), along x and upwards.
+    pub fn begin(&mut self) -> [[f64; 2]; 2] {
         let protocol = &self.slider.protocol;
         let first = protocol.segment(0);
         if let Some(load) = first.load(0) {
@@ -289,7 +292,7 @@ impl Top {
         }
         let up = first.normal_velocity().unwrap_or(0.0);
         let bottom = protocol.full_bottom_velocity(0);
-        [self.slider.state.velocity, up, bottom]
+        [[self.slider.state.velocity, up], bottom]
     }
 
     /// Its part of the state that the digest covers.
@@ -305,8 +308,8 @@ impl Top {
         ]
     }
 
-    /// Displacement of the bottom upwards since the start of the shear (m).
-    pub fn bottom_displacement(&self) -> f64 {
+    /// Displacement of the bottom along x and upwards since the start of the shear (m).
+    pub fn bottom_displacement(&self) -> [f64; 2] {
         self.slider.protocol.bottom(self.slider.state.step)
     }
 
@@ -334,6 +337,10 @@ impl Top {
     /// First half kick and drift.
     pub(super) fn drift(&mut self, step: f64) {
         self.rise(step);
+        let protocol = &self.slider.protocol;
+        if protocol.has_bottom_along() {
+            [self.bottom_slid, _] = protocol.bottom_way(self.slider.state.step);
+        }
         self.slider.half_kick_and_drift(step);
     }
 
@@ -364,6 +371,7 @@ impl Top {
     pub(super) fn moved(&self) -> WallSteps {
         WallSteps {
             along: self.slider.state.slid,
+            bottom_along: (self.slider.protocol.has_bottom_along()).then_some(self.bottom_slid),
             normal: self.normal_work.then_some(self.rose),
             lateral: [0.0; 2],
         }
@@ -385,7 +393,7 @@ impl Top {
                 self.piston.height += step * velocity;
             }
         }
-        let bottom = protocol.bottom(now + 1) - protocol.bottom(now);
+        let [_, bottom] = protocol.bottom_way(now);
         self.rose = [self.piston.height - before, bottom];
     }
 

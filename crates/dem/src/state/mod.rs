@@ -38,7 +38,7 @@ pub use frame::{Frame, GrainConstants};
 pub use grains::{FlatWalls, Foot, Grains, Masses, Units};
 pub use ids::Ids;
 pub use records::{
-    ContactSample, FlowRow, GrainSample, ImposedRow, LateralRow, SeriesRow, StressRow,
+    BottomRow, ContactSample, FlowRow, GrainSample, ImposedRow, LateralRow, SeriesRow, StressRow,
     TemperatureRow,
 };
 pub use snapshot::{

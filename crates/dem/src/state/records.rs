@@ -102,7 +102,7 @@ crate::columns! {
         elastic_tangential: "J",
         /// stored in the contacts, rolling part
         elastic_rolling: "J",
-        /// work of the drive on the sample
+        /// work of the drive on the sample, and of a bottom wall that vibrates along x
         work_drive: "J",
         /// work of the load on the sample, or of walls driven along their normals
         work_load: "J",
@@ -129,6 +129,14 @@ crate::columns! {
         imposed_shear_force: "N",
         /// displacement of the bottom wall towards the top wall
         bottom_displacement: "m",
+    }
+}
+
+crate::columns! {
+    /// Further columns of a row of the time series, if the bottom wall vibrates along x.
+    pub struct BottomRow {
+        /// displacement of the bottom wall along x
+        bottom_displacement_x: "m",
     }
 }
 

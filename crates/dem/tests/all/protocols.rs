@@ -3,19 +3,20 @@
 
 use std::f64::consts::TAU;
 
+use gshear_dem::budget::{EnergyBalance, EnergyBudget, SampleState};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::{GrainWalls, Servo, Slider, Top};
 use gshear_dem::laws::LawSpace;
 use gshear_dem::laws::hooke::Springs;
-use gshear_dem::protocol::{Along, Course, Imposed, Normal, Protocol};
+use gshear_dem::protocol::{Along, Course, Imposed, Normal, Protocol, Vibration};
 use gshear_dem::state::{Cell, Masses, body};
-use gshear_dem::step::{Advanced, StepRequest, advance};
+use gshear_dem::step::{Advanced, StepRequest, advance, initial_forces};
 use gshear_dem::system::Setup;
 use gshear_dem::wave::Wave;
 
 use crate::common::{
-    RADIUS, Rig, assert_order, elastic, frictional, hooke, periods, piston, runge_kutta,
+    RADIUS, Rig, assert_order, dot, elastic, frictional, hooke, periods, piston, runge_kutta,
 };
 
 const DENSITY: f64 = 2500.0;
@@ -44,14 +45,17 @@ fn between_walls<D: LawSpace>(
     let piston = piston(height, wall_mass::<D>(), rest_load::<D>());
     let slider = Slider::new(protocol, None);
     let mut walls = GrainWalls::new(Top::new(piston, slider, servo, true));
-    let [along, top, bottom] = walls.motion.begin();
+    let [top, bottom] = walls.motion.begin();
     let grains = crate::common::layers::<D>((SIDE, layers + 2), SPACING, |grain| {
-        if grain.body == body::BOTTOM {
-            grain.velocity[D::UP] = bottom;
-        } else if grain.body == body::TOP {
-            grain.position[D::UP] += gap;
-            (grain.velocity[0], grain.velocity[D::UP]) = (along, top);
-        }
+        let [along, up] = match grain.body {
+            body::BOTTOM => bottom,
+            body::TOP => {
+                grain.position[D::UP] += gap;
+                top
+            }
+            _ => return,
+        };
+        (grain.velocity[0], grain.velocity[D::UP]) = (along, up);
     });
     let law = hooke(SPRINGS, &frictional(10.0));
     Rig::new(setup, law, walls, (grains, Vec::new()))
@@ -165,6 +169,7 @@ fn a_free_wall_oscillates_by_its_force() {
         wave: Some(Wave {
             amplitude,
             frequency: turns,
+            phase: 0.0,
         }),
         ..Course::constant(0.0)
     };
@@ -206,6 +211,134 @@ fn parts_follow_each_other() {
     }
     same(path[70][0], third[0] + 0.1 * 10.0 * h, 0.2 * 60.0 * h);
     assert_eq!(path[70][1], 0.1);
+}
+
+/// A bottom that touches nothing is where its sinusoids say, also where it crosses the seam, and
+/// stays where its part ends; its grains have the derivatives.
+fn a_bottom_vibrates<D: LawSpace>() {
+    const STEPS: u64 = 400;
+    let sinusoid = |amplitude: f64, cycles: f64, phase: f64| Wave {
+        amplitude,
+        frequency: cycles / STEPS as f64,
+        phase,
+    };
+    let bottom = Vibration {
+        along: Some(sinusoid(1.5 * RADIUS, 2.75, 0.15)),
+        normal: Some(sinusoid(0.5 * RADIUS, 1.25, 0.0)),
+    };
+    let vibrating = Imposed {
+        bottom,
+        ..with_normal(Normal::Velocity(0.0), Along::Velocity(0.0))
+    };
+    let at_rest = with_normal(Normal::Velocity(0.0), Along::Velocity(0.0));
+    let protocol = Protocol::of(STEP, [(vibrating, STEPS), (at_rest, 10)]);
+    let mut rig = free_top::<D>(STEP, protocol);
+    let sines = |t: f64| {
+        let moved = |wave: &Wave| {
+            let turn = |t: f64| TAU * (wave.frequency * t / STEP + wave.phase);
+            let rate = TAU * wave.frequency / STEP;
+            let [begin, now] = [0.0, t].map(turn);
+            let way = wave.amplitude * (now.sin() - begin.sin());
+            (way, wave.amplitude * rate * now.cos())
+        };
+        let axes = [bottom.along, bottom.normal];
+        axes.map(|wave| moved(&wave.expect("both vibrate")))
+    };
+    let of_bottom = |rig: &mut Rig<D, GrainWalls>| {
+        let grains = rig.system.grain_states().into_iter();
+        let mut grains: Vec<_> = grains.filter(|grain| grain.body == body::BOTTOM).collect();
+        grains.sort_by_key(|grain| grain.id);
+        grains
+    };
+    let start = of_bottom(&mut rig);
+    assert_eq!(start.len(), SIDE.pow(D::UP as u32));
+    let period = SIDE as f64 * SPACING;
+    for k in 1..=STEPS + 10 {
+        rig.step();
+        let t = k.min(STEPS) as f64 * STEP;
+        let [(along, along_rate), (up, up_rate)] = sines(t);
+        let is_over = k > STEPS;
+        for (grain, start) in of_bottom(&mut rig).iter().zip(&start) {
+            let unwrapped = grain.position[0] + grain.image[0] as f64 * period;
+            same(unwrapped - start.position[0], along, period);
+            same(grain.position[D::UP] - start.position[D::UP], up, period);
+            let rates = [along_rate, up_rate].map(|v| if is_over { 0.0 } else { v });
+            same(grain.velocity[0], rates[0], RADIUS / STEP);
+            same(grain.velocity[D::UP], rates[1], RADIUS / STEP);
+        }
+    }
+    let images: Vec<_> = of_bottom(&mut rig).iter().map(|g| g.image[0]).collect();
+    assert!(images.iter().any(|image| *image != 0), "{images:?}");
+}
+
+#[test]
+fn a_bottom_vibrates_by_its_sinusoids() {
+    a_bottom_vibrates::<Two>();
+    a_bottom_vibrates::<Three>();
+}
+
+/// The energy budget at the end of a vibration of the bottom along x under a top at its place, with
+/// Δt a power of two smaller.
+fn budget_of_vibration<D: LawSpace>(halvings: usize) -> EnergyBalance {
+    let steps = COARSEST << halvings;
+    let step = duration::<D>() / steps as f64;
+    let vibrating = Imposed {
+        bottom: Vibration {
+            along: Some(wave::<D>(0.02 * RADIUS, 1.7, step)),
+            normal: None,
+        },
+        ..with_normal(Normal::Velocity(0.0), Along::Velocity(0.0))
+    };
+    let protocol = Protocol::of(step, [(vibrating, steps)]);
+    let mut rig = between_walls::<D>(None, (2, 0.0), step, protocol);
+    let mut budget = EnergyBudget::new(rig.system.grains().units, RADIUS);
+    rig.system.budget = Some(budget.clone());
+    let (law, samples) = (rig.law.as_ref(), Some(&mut rig.samples));
+    initial_forces(&Solo, &mut rig.system, law, &mut rig.walls, samples).expect("sound");
+    let mut balance = |rig: &mut Rig<D, GrainWalls>| {
+        let free = rig.system.grain_states().into_iter();
+        let kinetic = free.filter(|grain| grain.body == body::FREE).map(|grain| {
+            let rim = grain.angular_velocity.map(|w| w * RADIUS);
+            let mass = DENSITY * D::volume(RADIUS);
+            0.5 * mass * (dot(grain.velocity, grain.velocity) + D::INERTIA * dot(rim, rim))
+        });
+        let kinetic = kinetic.sum();
+        budget = rig.system.budget.take().expect("a budget");
+        let sample = SampleState {
+            contacts: &rig.system.contacts,
+            overlap: &rig.samples.overlap,
+            load: rest_load::<D>(),
+            height: rig.walls.motion.piston.height,
+            kinetic,
+            potential: 0.0,
+            gravity: [0.0; 2],
+        };
+        let balance = budget.balance(&Solo, rig.system.isa, rig.law.as_ref(), sample);
+        rig.system.budget = Some(budget.clone());
+        balance
+    };
+    balance(&mut rig);
+    rig.advance(steps as usize);
+    balance(&mut rig)
+}
+
+/// The work of a bottom that vibrates along x closes the budget, to second order in Δt.
+fn budgets_are_closed<D: LawSpace>() {
+    let of_vibration: Vec<_> = (0..=HALVINGS).map(budget_of_vibration::<D>).collect();
+    let finest = &of_vibration[HALVINGS];
+    assert!(
+        finest.work_drive > 0.0 && finest.work_load == 0.0,
+        "{finest:?}"
+    );
+    assert!(finest.dissipated.iter().sum::<f64>() > 0.1 * finest.work_drive);
+    let residuals: Vec<_> = of_vibration.iter().map(|b| b.residual.abs()).collect();
+    assert_order("the residual", &residuals, 1.9..=2.1);
+}
+
+#[test]
+fn a_bottom_along_x_has_its_work_in_the_budget() {
+    budgets_are_closed::<Two>();
+    budgets_are_closed::<Three>();
 }
 
 /// The time that all layers below are followed for (s): some oscillations of a contact.
@@ -263,6 +396,7 @@ fn wave<D: Dimension>(amplitude: f64, cycles: f64, step: f64) -> Wave {
     Wave {
         amplitude,
         frequency: cycles * step / duration::<D>(),
+        phase: 0.0,
     }
 }
 
@@ -288,8 +422,33 @@ fn of_every_part<D: LawSpace>() {
         with_normal(Normal::Velocity(0.0), cyclic_strain(step))
     });
     is_second_order("vibrating bottom", &|step| Imposed {
-        bottom: Some(wave::<D>(0.01 * RADIUS, 1.2, step)),
+        bottom: Vibration {
+            normal: Some(wave::<D>(0.01 * RADIUS, 1.2, step)),
+            along: None,
+        },
         ..Along::Velocity(0.0).into()
+    });
+    let along = |step: f64| {
+        Some(Wave {
+            phase: 0.1,
+            ..wave::<D>(0.02 * RADIUS, 1.7, step)
+        })
+    };
+    is_second_order("bottom that vibrates along x", &|step| Imposed {
+        bottom: Vibration {
+            along: along(step),
+            normal: None,
+        },
+        ..Along::Velocity(0.0).into()
+    });
+    is_second_order("bottom that vibrates both ways under a pull", &|step| {
+        Imposed {
+            bottom: Vibration {
+                along: along(step),
+                normal: Some(wave::<D>(0.01 * RADIUS, 1.2, step)),
+            },
+            ..constant(0.05 * load).into()
+        }
     });
     is_second_order("cyclic shear stress", &|step| {
         let course = Course {

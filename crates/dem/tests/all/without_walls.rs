@@ -113,6 +113,7 @@ fn grains_stream_with_the_images() {
     let wave = Wave {
         amplitude: 3.0,
         frequency: 1.0 / 400.0,
+        phase: 0.0,
     };
     let parts = [
         (Along::Velocity(11.0).into(), 700),

@@ -289,7 +289,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let motion = self.boundary.top();
         let piston = &motion.piston;
         let rise = 0.5 * piston.velocity * piston.velocity * piston.mass / piston.load;
-        let layer = piston.height - self.frame.walls - motion.bottom_displacement();
+        let layer = piston.height - self.frame.walls - motion.bottom_displacement()[1];
         let near = 0.1 * self.scene.sample.mean_diameter;
         self.boundary.kind().walls() == 2 && (rise > near || layer < near)
     }
@@ -302,7 +302,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         if self.boundary.kind().walls() < 2 {
             return Ok(());
         }
-        let layer = motion.piston.height - self.frame.walls - motion.bottom_displacement();
+        let layer = motion.piston.height - self.frame.walls - motion.bottom_displacement()[1];
         if layer <= 0.0 {
             return Err(Failure::numbers(format!(
                 "step {}: the top wall has come down to the bottom wall: no grain between them holds it; give walls without holes, or end the run before",
@@ -316,7 +316,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let flight = piston.flight();
         if is_driven
             || motion.servo.is_some()
-            || protocol.has_bottom()
+            || protocol.has_bottom_normal()
             || flight <= 0.5 * self.scene.sample.mean_diameter
         {
             return Ok(());
@@ -414,6 +414,9 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let mut values = row.columns().to_vec();
         if self.schedule.further.imposed {
             values.extend(observe::imposed(self.boundary.top()).columns());
+        }
+        if self.schedule.protocol.has_bottom_along() {
+            values.extend(observe::bottom_along(self.boundary.top()).columns());
         }
         if boundary.kind().is_periodic() {
             let row = observe::stress(exchange, system, samples, self.mass);
@@ -622,16 +625,15 @@ fn lateral_lengths<D: Dimension>(
 
 /// Gives the grains of the walls the velocities with which these begin.
 fn set_moving(grains: &mut [GrainState], top: &mut Top, schedule: &Schedule, up: usize) {
-    let [along, top, bottom] = top.begin();
+    let [top, bottom] = top.begin();
     for g in grains {
-        match g.body {
-            body::TOP => {
-                g.velocity = [along, 0.0, 0.0];
-                g.velocity[up] = top;
-            }
-            body::BOTTOM if schedule.protocol.has_bottom() => g.velocity[up] = bottom,
-            _ => {}
-        }
+        let [along, upwards] = match g.body {
+            body::TOP => top,
+            body::BOTTOM if schedule.protocol.has_bottom() => bottom,
+            _ => continue,
+        };
+        g.velocity = [along, 0.0, 0.0];
+        g.velocity[up] = upwards;
     }
 }
 

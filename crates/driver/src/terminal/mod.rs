@@ -551,12 +551,15 @@ fn imposed(schedule: &Schedule, segment: &Segment) -> String {
         Some(Normal::Velocity(0.0)) => text += ", constant volume",
         Some(Normal::Velocity(velocity)) => text += &format!(", wall velocity {velocity:.4e} m/s"),
     }
-    if let Some(wave) = &segment.imposed.bottom {
-        text += &format!(
-            ", bottom {:.4e} m at {:.4e} Hz",
-            wave.amplitude,
-            wave.frequency / schedule.step
-        );
+    let bottom = &segment.imposed.bottom;
+    for (along, wave) in [("", bottom.normal), (" along x", bottom.along)] {
+        if let Some(wave) = wave {
+            text += &format!(
+                ", bottom {:.4e} m{along} at {:.4e} Hz",
+                wave.amplitude,
+                wave.frequency / schedule.step
+            );
+        }
     }
     text
 }

@@ -26,7 +26,9 @@ use gshear_dem::boundary::{
 };
 use gshear_dem::columns::Column;
 use gshear_dem::failure::{Failure, Result};
-use gshear_dem::state::{FlowRow, GrainConstants, ImposedRow, LateralRow, TemperatureRow, body};
+use gshear_dem::state::{
+    BottomRow, FlowRow, GrainConstants, ImposedRow, LateralRow, TemperatureRow, body,
+};
 
 /// Every HDF5 file begins with these bytes.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
@@ -295,6 +297,7 @@ impl<'a> OpenFile<'a> {
         boundary.series_columns(FurtherColumns {
             imposed: self.has_row(&ImposedRow::COLUMNS),
             lateral: self.has_row(&LateralRow::COLUMNS),
+            bottom: self.has_row(&BottomRow::COLUMNS),
             temperatures: self.has_row(&TemperatureRow::COLUMNS),
         })
     }
