@@ -41,6 +41,7 @@ mod kept_files;
 mod new_scenes;
 mod owners;
 mod packing;
+mod packing_contacts;
 mod places;
 mod properties;
 mod reduce;

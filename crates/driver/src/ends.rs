@@ -17,7 +17,7 @@ use crate::task::{Start, Task};
 pub(crate) fn check(task: &Task, stop_at: Option<u64>) -> Result<()> {
     let (header, before) = match &task.start {
         Start::Checkpoint(saved, before) => (Some(&saved.header), before.as_deref()),
-        Start::Insertion | Start::Grains(_) | Start::StageBefore(_) => (None, None),
+        Start::Insertion | Start::Packing(_) | Start::StageBefore(_) => (None, None),
     };
     let scene = &task.scene;
     if let Some(stop) = stop_at {

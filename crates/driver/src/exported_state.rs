@@ -30,6 +30,8 @@ pub struct ExportedState {
     /// Disks or spheres.
     pub dimension: Dimensions,
     grains: Vec<ExportedGrain>,
+    /// The ids of the file, by the ids of the grains of the state.
+    ids: Vec<u64>,
 }
 
 /// A grain of the state.
@@ -80,6 +82,7 @@ impl ExportedState {
             stream: stream_of(run, frame.step),
             dimension: run.dimension(),
             grains: exported,
+            ids: run.ids().iter().map(|id| u64::from(*id) + 1).collect(),
         })
     }
 
@@ -91,6 +94,7 @@ impl ExportedState {
         let saved = Saved::read(&Solo, path)?;
         let (header, scene) = (&saved.header, saved.scene(&[])?);
         let ids = scene.packing().map(|file| &file.ids);
+        let file_id = |id: u32| u64::from(ids.map_or(id, |ids| ids.of(id))) + 1;
         let mut grains = Vec::new();
         for g in &saved.state.grains {
             if g.body == body::REMOVED {
@@ -98,7 +102,7 @@ impl ExportedState {
             }
             let volume = scene.dimension.volume(g.radius);
             let atom = Atom {
-                id: u64::from(ids.map_or(g.id, |ids| ids.of(g.id))) + 1,
+                id: file_id(g.id),
                 kind: atom_type(g.body, g.material),
                 diameter: 2.0 * g.radius,
                 position: g.position,
@@ -129,7 +133,13 @@ impl ExportedState {
             stream: (header.cell_in(&scene).sheared).map(|sheared| sheared.velocity),
             dimension: scene.dimension,
             grains,
+            ids: (0..saved.state.grains.len() as u32).map(file_id).collect(),
         })
+    }
+
+    /// The id in the file of a grain of the state.
+    pub fn id(&self, grain: u32) -> u64 {
+        self.ids[grain as usize]
     }
 
     /// As a data file of a program that computes a grain's mass as density times `volume` of its

@@ -415,8 +415,8 @@ impl Saved {
         let name = format!("{} (its scene)", self.path.display());
         let source = Source::new(name, self.toml.clone());
         let mut scene =
-            gshear_scene::load_with(&source, set, &mut |path, how| match &self.packing {
-                Some(file) if file.path == path && how.copies.starts_with(&file.replicate) => {
+            gshear_scene::load_with(&source, set, &mut |paths, how| match &self.packing {
+                Some(file) if file.is_at(paths) && how.copies.starts_with(&file.replicate) => {
                     Ok(file.clone())
                 }
                 _ => Err(Failure::input(

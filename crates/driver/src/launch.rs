@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::{Failure, Result};
+use gshear_dem::state::HeldState;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::identity::{KeyChange, changes};
 use gshear_scene::{Change, Dimensions, Scene, Source};
@@ -72,7 +73,8 @@ impl Task {
         if let Some(note) = self.counts_anew() {
             run.terminal.warn(note);
         }
-        if let Some(warning) = self.not_at_load() {
+        let of_packing = [self.not_at_load(), self.doubtful_contacts()];
+        for warning in of_packing.into_iter().flatten() {
             run.terminal.warn(warning);
         }
         let outcome = match scene.dimension {
@@ -95,17 +97,18 @@ impl Task {
 pub fn from_the_start(exchange: &dyn Parallel, source: &Source, set: &[String]) -> Result<Task> {
     let mut packing = None;
     let limit = memory::limit(exchange);
-    let scene = gshear_scene::load_within(source, set, &limit, &mut |path, arrangement| {
+    let scene = gshear_scene::load_within(source, set, &limit, &mut |paths, arrangement| {
         packing = on_root(exchange, || {
-            read_packing(path, arrangement, &limit).map(Some)
+            let packing = read_packing(paths.grains, arrangement, &limit)?;
+            packing.with_contacts(paths.contacts).map(Some)
         })?;
         let file = packing.as_ref().map(|packing| packing.file.clone());
         Ok(of_root(exchange, &file).expect("rank 0 has read it"))
     })?;
     let start = match scene.packing() {
         Some(_) => {
-            let grains = packing.map_or(Ok(Vec::new()), |p| p.grains(&scene));
-            Start::Grains(agree(exchange, grains)?)
+            let state = packing.map_or(Ok(HeldState::default()), |p| p.state(&scene));
+            Start::Packing(agree(exchange, state)?)
         }
         None => Start::Insertion,
     };
@@ -252,7 +255,7 @@ fn from_checkpoint(mut saved: Saved, wanted: Changes<'_>) -> Result<Task> {
     let mut changed = changes(&before.toml, &scene.toml);
     if let Changes::Scene(_) = wanted {
         // The same bytes, as their identities say.
-        changed.retain(|change| change.path != "sample.packing");
+        changed.retain(|change| !change.is_of_a_packing());
     }
     let branches = matches!(wanted, Changes::Branch(_));
     if let Some(change) = changed.iter().find(|change| match change.change {

@@ -1,6 +1,7 @@
 //! What a run is to do: its scene, and where it starts.
 
-use gshear_dem::state::{Cell, GrainState, Snapshot};
+use gshear_dem::state::{Cell, HeldState, Snapshot};
+use gshear_scene::packing::contacts;
 use gshear_scene::{RunStage, Scene, unlikely};
 use gshear_store::file_names::part_of;
 
@@ -24,8 +25,8 @@ pub struct Task {
 pub enum Start {
     /// Grains that the scene inserts.
     Insertion,
-    /// The grains of the scene's packing.
-    Grains(Vec<GrainState>),
+    /// The grains of the scene's packing, and the contacts of its table.
+    Packing(HeldState),
     /// A checkpoint, and its scene, where that of the run may differ.
     Checkpoint(Box<Saved>, Option<Box<Scene>>),
     /// What the stage before left.
@@ -74,7 +75,7 @@ impl Task {
     pub(crate) fn saved(&self) -> Option<&Saved> {
         match &self.start {
             Start::Checkpoint(saved, _) => Some(saved),
-            Start::Insertion | Start::Grains(_) | Start::StageBefore(_) => None,
+            Start::Insertion | Start::Packing(_) | Start::StageBefore(_) => None,
         }
     }
 
@@ -93,8 +94,19 @@ impl Task {
     /// A sentence if the grains that the shear starts with are not at their load; of rank 0.
     pub(crate) fn not_at_load(&self) -> Option<String> {
         match &self.start {
-            Start::Grains(grains) if !grains.is_empty() => {
-                unlikely::not_at_load(&self.scene, grains)
+            Start::Packing(state) if !state.grains.is_empty() => {
+                unlikely::not_at_load(&self.scene, &state.grains)
+            }
+            _ => None,
+        }
+    }
+
+    /// A sentence if the contacts of a table are not those of the grains, or beyond the limit of
+    /// friction; of rank 0.
+    pub(crate) fn doubtful_contacts(&self) -> Option<String> {
+        match &self.start {
+            Start::Packing(state) if !state.grains.is_empty() => {
+                contacts::doubts(&self.scene, state)
             }
             _ => None,
         }

@@ -11,7 +11,10 @@ use gshear_dem::domain::Solo;
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Cell, ContactState, FlatWalls, GrainState, Ids};
 use gshear_driver::header::{Header, Saved};
-use gshear_scene::{Arrangement, Dimensions, PackingFile, Scene, Source, identity};
+use gshear_scene::packing::contacts::{self, TabledState};
+use gshear_scene::{
+    Arrangement, ContactFile, Dimensions, PackingFile, PackingPaths, Scene, Source, identity,
+};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::spectrum_writer::StateOrigin;
@@ -82,12 +85,12 @@ impl StoredState {
         let name = format!("{} (its scene)", run.path().display());
         if !run.form().histories {
             return Err(Failure::input(format!(
-                "{}: K needs the histories of contacts, which output.histories = false left out of its frames; give a checkpoint, or a replay (gshear-reduce replay)",
+                "{}: K and tables of contacts need their histories, which output.histories = false left out of its frames; give a checkpoint, or a replay (gshear-reduce replay)",
                 run.path().display()
             )));
         }
         let source = Source::new(&name, run.scene().to_string());
-        let packing = &mut |_: &Path, how| Ok(packing_of(run, how));
+        let packing = &mut |paths: PackingPaths<'_>, how| Ok(packing_of(run, paths, how));
         let scene = gshear_scene::load_with(&source, &[], packing)?;
         let (grains, contacts) = run.state(t)?;
         let step = run.frame_steps()[t];
@@ -101,7 +104,7 @@ impl StoredState {
         let attracts = laws.any(|(_, contact)| contact.adhesion.is_some());
         if attracts && !run.form().idle && run.stage() != RunStage::Strain {
             return Err(Failure::input(format!(
-                "{what}: K of grains that attract each other depends on which contacts a damper holds back, which the version that wrote this file did not store; give a checkpoint, or run the scene again"
+                "{what}: K of grains that attract each other, and a table of their contacts, depend on which of these a damper holds back, which the version that wrote this file did not store; give a checkpoint, or run the scene again"
             )));
         }
         if scene.flat_walls().is_some() {
@@ -139,6 +142,18 @@ impl StoredState {
         }
     }
 
+    /// The contacts as a table; `id`: of a grain in the file of the grains.
+    pub fn contact_table(&self, id: impl Fn(u32) -> u64) -> String {
+        let state = TabledState {
+            scene: &self.scene,
+            cell: self.cell,
+            planes: self.flat.map(|(_, planes)| planes),
+            grains: &self.grains,
+            contacts: &self.contacts,
+        };
+        contacts::write(&state, id)
+    }
+
     /// Finds all eigenvalues of the state's K and counts those that make it unstable.
     ///
     /// # Errors
@@ -153,7 +168,7 @@ impl StoredState {
 
 /// What the scene of a run is to know of the file of its grains, by the run: the file may have
 /// changed or gone.
-fn packing_of(run: &RunFile, arrangement: Arrangement) -> PackingFile {
+fn packing_of(run: &RunFile, paths: PackingPaths<'_>, arrangement: Arrangement) -> PackingFile {
     let values = identity::values(run.scene());
     let [thickness, length, width] = ["sample.wall_thickness", "sample.length", "sample.width"]
         .map(|key| {
@@ -185,6 +200,12 @@ fn packing_of(run: &RunFile, arrangement: Arrangement) -> PackingFile {
         wall_types: false,
         bottom_type: false,
         content: String::new(),
+        contacts: paths.contacts.map(|path| {
+            Box::new(ContactFile {
+                path: path.into(),
+                content: String::new(),
+            })
+        }),
         ids: Ids::default(),
     }
 }

@@ -56,6 +56,9 @@ pub fn identity(scene: &Scene) -> String {
     text += &format!("step {:016x}\n", scene.time_step.step.to_bits());
     if let Some(file) = scene.packing() {
         text += &format!("packing {}\n", file.content);
+        if let Some(contacts) = &file.contacts {
+            text += &format!("contacts {}\n", contacts.content);
+        }
     }
     hash(text.as_bytes())
 }
@@ -74,8 +77,7 @@ fn counts(path: &str, scene: &Scene) -> bool {
         *stage != scene.stages.last() && ends.iter().any(|key| key.path == path)
     });
     // The packing counts by its content.
-    let is_path = path == SAMPLE.packing.path;
-    !is_path && (change_of(path).is_physics() || is_drive || ends_before_the_last)
+    !is_of_a_packing(path) && (change_of(path).is_physics() || is_drive || ends_before_the_last)
 }
 
 /// A key whose value differs between two scenes.
@@ -89,6 +91,17 @@ pub struct KeyChange {
     pub after: Option<String>,
     /// When the key may change.
     pub change: Change,
+}
+
+impl KeyChange {
+    /// Whether it is of the path of a packing, which counts by its content.
+    pub fn is_of_a_packing(&self) -> bool {
+        is_of_a_packing(&self.path)
+    }
+}
+
+fn is_of_a_packing(path: &str) -> bool {
+    [SAMPLE.packing.path, SAMPLE.contacts.path].contains(&path)
 }
 
 impl fmt::Display for KeyChange {

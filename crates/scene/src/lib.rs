@@ -109,7 +109,9 @@ pub use materials::{Materials, atom_type};
 pub use output::{Analysis, Output};
 pub use protocol::{Motion, Shear, WallSpeed};
 pub use quasi_static::{Aqs, Deformation, Method, Newtonian, QuasiStatic, Relax};
-pub use sample::{Arrangement, Origin, PackingFile, Placement, ReadPacking, Walls};
+pub use sample::{
+    Arrangement, ContactFile, Origin, PackingFile, PackingPaths, Placement, ReadPacking, Walls,
+};
 pub use scene::Scene;
 pub use source::Source;
 pub use stages::{RunStage, Stages};
@@ -130,8 +132,9 @@ use stages::GivenStages;
 /// # Errors
 /// `Failure::Input` with the first problem: where it is, what is wrong, and what would be right.
 pub fn load(source: &Source, overrides: &[String]) -> Result<Scene> {
-    load_with(source, overrides, &mut |path, arrangement| {
-        Packing::read(path, arrangement).map(|packing| packing.file)
+    load_with(source, overrides, &mut |paths, arrangement| {
+        let packing = Packing::read(paths.grains, arrangement)?;
+        Ok(packing.with_contacts(paths.contacts)?.file)
     })
 }
 

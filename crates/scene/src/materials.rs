@@ -65,6 +65,13 @@ pub struct Materials {
 }
 
 impl Materials {
+    /// μ_s of grains of these materials.
+    pub(crate) fn friction(&self, [i, j]: [u64; 2]) -> f64 {
+        let materials = self.laws.len().isqrt();
+        let (_, contact) = &self.laws[i as usize * materials + j as usize];
+        contact.friction
+    }
+
     /// Gives inserted grains their materials. `largest`: the greatest radius (m).
     pub fn give(&self, seed: u64, largest: f64, grains: &mut [GrainState]) {
         for g in grains {

@@ -1,6 +1,7 @@
 //! A packing from a file in place of inserted grains: what the file says, as the grains of a run.
 
 mod cell;
+pub mod contacts;
 mod copies;
 mod file;
 mod overlaps;
@@ -12,7 +13,7 @@ use std::path::Path;
 use bytemuck::Zeroable;
 use gshear_dem::contact::model::WALL;
 use gshear_dem::failure::Result;
-use gshear_dem::state::{GrainState, Ids, body};
+use gshear_dem::state::{ContactState, GrainState, HeldState, Ids, body};
 
 use crate::holes;
 use crate::identity::hash;
@@ -25,6 +26,7 @@ use crate::source::read_bytes;
 use crate::walls::PlaneShear;
 
 use cell::{PackingBox, check_ids, check_neighbours, check_periodic, check_room};
+use contacts::ContactTable;
 use copies::{find_stream, replicated};
 pub use file::split_frame;
 use file::{FORMAT, PackingPath, in_line, parsed, unpacked, wrong};
@@ -64,6 +66,8 @@ pub struct Packing {
     atoms: Vec<Atom>,
     /// Whether it is the state of a run, whose types are known.
     is_state: bool,
+    /// The contacts of another file.
+    contacts: Option<ContactTable>,
 }
 
 impl Packing {
@@ -166,6 +170,7 @@ impl Packing {
             wall_types: are_types(&atoms, TOP_TYPE),
             bottom_type: are_types(&atoms, BOTTOM_TYPE),
             content: String::new(),
+            contacts: None,
             ids: Ids::new(atoms.iter().map(|a| (a.id - 1) as u32)),
         };
         Ok(Packing {
@@ -173,6 +178,37 @@ impl Packing {
             file,
             atoms,
             is_state: false,
+            contacts: None,
+        })
+    }
+
+    /// Adds the contacts of a table, if there is one.
+    ///
+    /// # Errors
+    /// `Failure::Input` with the line of the table, what is wrong with it and what would be right.
+    pub fn with_contacts(mut self, path: Option<&Path>) -> Result<Self> {
+        if let Some(path) = path {
+            let (table, file) = ContactTable::read(path)?;
+            (self.contacts, self.file.contacts) = (Some(table), Some(Box::new(file)));
+        }
+        Ok(self)
+    }
+
+    /// The grains and contacts as the first stage of the scene takes them; see [`Self::grains`].
+    ///
+    /// # Errors
+    /// As [`Self::grains`], and where a contact of the table is none of the scene.
+    pub fn state(mut self, scene: &Scene) -> Result<HeldState> {
+        let table = self.contacts.take();
+        let ids: Vec<u64> = self.atoms.iter().map(|atom| atom.id).collect();
+        let grains = self.grains(scene)?;
+        let contacts: Result<Vec<ContactState>> = match table {
+            Some(table) if !grains.is_empty() => table.states(scene, &grains, &ids),
+            _ => Ok(Vec::new()),
+        };
+        Ok(HeldState {
+            grains,
+            contacts: contacts?,
         })
     }
 

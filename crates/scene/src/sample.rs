@@ -27,7 +27,16 @@ use sizes::SizeKey;
 
 /// Returns what a scene must know of the file of a packing. The file may have been read before, or
 /// by another rank.
-pub type ReadPacking<'a> = &'a mut dyn FnMut(&Path, Arrangement) -> Result<PackingFile>;
+pub type ReadPacking<'a> = &'a mut dyn FnMut(PackingPaths<'_>, Arrangement) -> Result<PackingFile>;
+
+/// The files from which a scene takes its grains.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PackingPaths<'a> {
+    /// That of the grains.
+    pub grains: &'a Path,
+    /// That of their contacts, if there is one.
+    pub contacts: Option<&'a Path>,
+}
 
 /// How a scene takes a packing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -115,12 +124,31 @@ pub struct PackingFile {
     /// Hash of the file's bytes; empty in checkpoints of versions without it.
     #[serde(default)]
     pub content: String,
+    /// The file of the contacts, if they come from one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contacts: Option<Box<ContactFile>>,
     /// Those of the file and its copies, less one.
     #[serde(default)]
     pub ids: Ids,
 }
 
+/// The file of a table of contacts, in what a scene knows of its packing.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ContactFile {
+    /// The path, absolute.
+    pub path: PathBuf,
+    /// Hash of the file's bytes.
+    pub content: String,
+}
+
 impl PackingFile {
+    /// Whether its files are these.
+    pub fn is_at(&self, paths: PackingPaths<'_>) -> bool {
+        let contacts = self.contacts.as_ref().map(|file| file.path.as_path());
+        self.path == paths.grains && contacts == paths.contacts
+    }
+
     /// H (m) with its walls; of a box its length along the last axis.
     pub fn height(&self) -> f64 {
         let between = self.edges[1] - self.edges[0];
@@ -218,6 +246,10 @@ fn check_filed(c: &mut Checker<'_>) {
 
 /// How the scene takes its packing.
 fn arrangement(c: &mut Checker<'_>, boundary: &'static Boundary) -> Arrangement {
+    if !c.is_given(&SAMPLE.packing) {
+        let why = "is of the grains of sample.packing, which is not given";
+        c.useless(&SAMPLE.contacts, why);
+    }
     let key = &SAMPLE.replicate;
     let mut arrangement = Arrangement {
         copies: [1; 3],
@@ -230,6 +262,10 @@ fn arrangement(c: &mut Checker<'_>, boundary: &'static Boundary) -> Arrangement 
     if !c.is_given(&SAMPLE.packing) {
         let why = "says how often sample.packing is repeated, which is not given";
         c.useless(key, why);
+    }
+    if given.iter().any(|copies| *copies > 1.0) && c.is_given(&SAMPLE.contacts) {
+        let what = "is of a packing without copies, but sample.replicate makes some; leave one of them out";
+        c.refuse(&SAMPLE.contacts, what);
     }
     let axes = periodic_axes(c, boundary.is_periodic());
     let are_whole = given.iter().all(|x| x.fract() == 0.0 && range.hold(*x));
@@ -299,11 +335,26 @@ fn read(
     arrangement: Arrangement,
     packing: ReadPacking<'_>,
 ) -> Result<PackingFile> {
-    let key = &SAMPLE.packing;
-    let path = c.text(key).unwrap_or_default();
-    let file = packing(&c.resolve(key, path), arrangement);
-    file.map_err(|failure| match failure {
-        Failure::Input(what) => c.failure(key, &what),
+    let [of_grains, of_contacts] = [&SAMPLE.packing, &SAMPLE.contacts];
+    let path = |key: &Key| c.text(key).map(|path| c.resolve(key, path));
+    let (grains, contacts) = (path(of_grains).unwrap_or_default(), path(of_contacts));
+    let paths = PackingPaths {
+        grains: &grains,
+        contacts: contacts.as_deref(),
+    };
+    packing(paths, arrangement).map_err(|failure| match failure {
+        Failure::Input(what) => {
+            let named = contacts.as_ref().map(|path| path.display().to_string());
+            let is_of_contacts = named.is_some_and(|name| what.starts_with(&name));
+            c.failure(
+                if is_of_contacts {
+                    of_contacts
+                } else {
+                    of_grains
+                },
+                &what,
+            )
+        }
         other => other,
     })
 }
@@ -456,6 +507,10 @@ fn derive_inserted(c: &mut Checker<'_>, sizes: Sizes) -> Result<Walled> {
 /// The sample of a packing; `skip`: it is not compressed.
 fn derive_packed(c: &mut Checker<'_>, file: PackingFile, skip: bool) -> Result<Walled> {
     let keys = &SAMPLE;
+    if !skip {
+        let why = "has the contacts of grains that are sheared as they are, but pack.skip = false compresses them first";
+        c.useless(&keys.contacts, why);
+    }
     let sample = filed(c, &file)?;
     let wall_layers = check_size(c, &sample, file.height(), &[&keys.packing])?;
     let has_types = match boundary(c).bodies().count() {
@@ -533,6 +588,9 @@ fn unlike_file(given: impl Display, held: impl Display) -> String {
 fn fill_from(c: &mut Checker<'_>, file: &PackingFile) {
     let keys = &SAMPLE;
     c.fill(&keys.packing, &*file.path.display().to_string());
+    if let Some(contacts) = &file.contacts {
+        c.fill(&keys.contacts, &*contacts.path.display().to_string());
+    }
     let axes = periodic_axes(c, file.boxed.is_some());
     let copies: Vec<u32> = (0..axes)
         .map(|axis| file.replicate.get(axis).copied().unwrap_or(1))

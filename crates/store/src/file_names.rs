@@ -93,16 +93,22 @@ pub fn is_reduced(name: &str) -> bool {
             // The folder of its frames has no ending.
             "" | "mp4" | "png" if is_movie => true,
             "svg" | "pdf" | "png" if EVENT_FIGURES.contains(&stem) => true,
-            "dump" | "vtkhdf" | "xyz" | "npz" | "csv" => {
-                ["frames", "aqs-frames", "newtonian-frames"].contains(&of_frames)
+            "dump" | "vtkhdf" | "xyz" | "npz" | "csv"
+                if ["frames", "aqs-frames", "newtonian-frames"].contains(&of_frames) =>
+            {
+                true
             }
-            "data" => {
-                let number = stem.strip_prefix("frame-");
-                stem.starts_with("checkpoint")
-                    || number.is_some_and(|text| text.bytes().all(|byte| byte.is_ascii_digit()))
-            }
+            "csv" => stem.strip_suffix("-contacts").is_some_and(is_of_a_state),
+            "data" => is_of_a_state(stem),
             _ => false,
         }
+}
+
+/// Whether this is the name of a data file, without its ending.
+fn is_of_a_state(stem: &str) -> bool {
+    let number = stem.strip_prefix("frame-");
+    stem.starts_with("checkpoint")
+        || number.is_some_and(|text| text.bytes().all(|byte| byte.is_ascii_digit()))
 }
 
 /// The folder of a run: itself, or that of its file, or of a part of that.
@@ -130,6 +136,7 @@ mod tests {
             "stability.csv-metadata.json",
             "spectrum.png",
             "frame-12.data",
+            "frame-12-contacts.csv",
             "checkpoint-aqs-8.data",
             "aqs-frames.vtkhdf",
             "frames-contacts.csv-metadata.json",
@@ -146,6 +153,7 @@ mod tests {
             LOG_METADATA_FILE,
             SPECTRA_FILE,
             "frame-a.data",
+            "frame-a-contacts.csv",
             "a.xyz",
         ] {
             assert!(!is_reduced(name), "{name}");

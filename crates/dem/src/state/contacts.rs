@@ -557,6 +557,28 @@ impl Contacts {
         }
     }
 
+    /// The springs of all contacts, to put them back after a computation of forces that is no step.
+    pub fn springs(&self) -> Springs {
+        Springs {
+            history: self.history.clone(),
+            limits: self.limits.clone(),
+            limits_are_known: self.limits_are_known,
+        }
+    }
+
+    /// Puts the springs back into the same list, but for k_t of the last step that disks keep,
+    /// which that computation has found.
+    pub fn put_springs(&mut self, springs: Springs, law: &dyn PairModel, is_planar: bool) {
+        let places = law.layout().history;
+        for (k, kept) in springs.history.into_iter().enumerate() {
+            let is_stiffness = is_planar && places[k % self.history_lanes] == LAST_STIFFNESS;
+            if !is_stiffness {
+                self.history[k] = kept;
+            }
+        }
+        (self.limits, self.limits_are_known) = (springs.limits, springs.limits_are_known);
+    }
+
     /// Heap in use (bytes).
     pub fn memory(&self) -> usize {
         self.pairs.memory()
@@ -566,6 +588,17 @@ impl Contacts {
             + self.limits.capacity() * size_of::<[u16; 4]>()
             + self.asleep_until.capacity() * size_of::<f64>()
     }
+}
+
+/// The place of the last k_t in a history of disks.
+const LAST_STIFFNESS: usize = 1;
+
+/// What the contacts of a list remember.
+#[derive(Debug, Clone)]
+pub struct Springs {
+    history: Vec<Lanes16>,
+    limits: Vec<[u16; 4]>,
+    limits_are_known: bool,
 }
 
 /// Whether a lane is at the limits of [`Contacts::limits`].

@@ -35,7 +35,7 @@ pub(super) fn run<D: LawSpace>(run: &mut Run<'_>, start: Start) -> Result<StageE
     let attracts = laws.any(|(_, contact)| contact.adhesion.is_some());
     // A packing of a file has no forces, grains that moved have others at rest, and those of a
     // packing that is prepared are without attraction.
-    let is_unloaded = matches!(start, Start::Grains(_) | Start::StageBefore(_))
+    let is_unloaded = matches!(start, Start::Packing(_) | Start::StageBefore(_))
         || attracts && matches!(start, Start::Insertion);
     let Some((header, state)) = begin::<D>(run, quasi_static, start)? else {
         run.terminal.unprepared();
@@ -133,10 +133,11 @@ fn begin<D: LawSpace>(
             take_shape(&mut progress, Shape::of::<D>(&left.cell));
             Some(left.state)
         }
-        Start::Grains(grains) => {
+        Start::Packing(HeldState { grains, contacts }) => {
             take_shape(&mut progress, Shape::of::<D>(&scene.cell()));
             Some(Snapshot {
                 grains,
+                contacts,
                 ..Snapshot::default()
             })
         }

@@ -4,7 +4,7 @@ use gshear_dem::drive::Piston;
 use gshear_dem::failure::Result;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, Law, LawSpace};
-use gshear_dem::state::{GrainState, Snapshot};
+use gshear_dem::state::{GrainState, HeldState, Snapshot};
 use gshear_scene::insertion::Lattice;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Load, Origin, PlaneShear, RunStage, Scene, Sizes};
@@ -112,7 +112,7 @@ fn inserted(run: &Run<'_>, sizes: &Sizes) -> (f64, Vec<GrainState>) {
 /// The first stage of the run, and its state.
 fn begin(run: &Run<'_>, plane_shear: &PlaneShear, start: Start) -> Result<(Header, Snapshot)> {
     let scene = run.scene;
-    let (height, grains) = match (start, &plane_shear.origin) {
+    let (height, state) = match (start, &plane_shear.origin) {
         (Start::Checkpoint(mut saved, before), _) => {
             checkpoint::to_both_holders(run.exchange, &mut saved.state);
             if let Some(before) = &before {
@@ -121,14 +121,27 @@ fn begin(run: &Run<'_>, plane_shear: &PlaneShear, start: Start) -> Result<(Heade
             return Ok((saved.header, saved.state));
         }
         (Start::StageBefore(left), _) => return Ok(after_strain(run, plane_shear, *left)),
-        (Start::Grains(grains), Origin::Packing(file)) => (file.height(), grains),
-        (_, Origin::Insertion(sizes)) => inserted(run, sizes),
+        (Start::Packing(state), Origin::Packing(file)) => (file.height(), state),
+        (_, Origin::Insertion(sizes)) => {
+            let (height, grains) = inserted(run, sizes);
+            (
+                height,
+                HeldState {
+                    grains,
+                    contacts: Vec::new(),
+                },
+            )
+        }
         (_, Origin::Packing(_) | Origin::StageBefore { .. }) => {
             unreachable!("grains that were not read")
         }
     };
     let mut header = falling(scene, plane_shear, height, 0);
-    let mut state = of_grains(grains);
+    let HeldState { grains, contacts } = state;
+    let mut state = Snapshot {
+        contacts,
+        ..of_grains(grains)
+    };
     let header = if plane_shear.pack.skip {
         header.piston.mass = mass_of_top(run, scene, plane_shear, &state.grains, height);
         header.piston.load = plane_shear.load.normal_force;

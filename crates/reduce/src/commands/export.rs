@@ -50,7 +50,8 @@ pub(crate) enum ExportFormat {
 /// Write frames or a checkpoint in the format of another program
 ///
 /// lammps-data and liggghts-data are data files of one state, of atom_style sphere. In 2D the
-/// density gives each grain the mass of the disk per metre of depth. sample.packing reads both.
+/// density gives each grain the mass of the disk per metre of depth. sample.packing reads both,
+/// and sample.contacts the contacts that --contacts writes.
 /// The other formats hold any number of frames; lammps-dump and csv write the contacts into
 /// NAME-contacts beside the file, those with flat walls into NAME-wall-contacts. Types in LAMMPS'
 /// formats: 1 free grains, 2 bottom wall, 3 top wall, from 4 on free grains of the further
@@ -77,6 +78,10 @@ pub struct Arguments {
     /// every grain, real and imaginary parts, with the frame they are of
     #[arg(long, value_delimiter = ',', value_name = "K,...")]
     modes: Vec<usize>,
+    /// Also write the contacts of a data file with their histories, into NAME-contacts.csv
+    /// beside it, for sample.contacts
+    #[arg(long)]
+    contacts: bool,
     /// File of the eigenvectors [default: spectrum.h5 in the folder of the run]
     #[arg(long, value_name = "FILE", requires = "modes")]
     spectrum: Option<PathBuf>,
@@ -105,11 +110,21 @@ impl Arguments {
                 "--frames, --fields, --modes: a data file holds the state of one frame; give --frame, or another --format",
             ));
         }
-        let path = data_file::write(&self.run, reader, self.frame, self.out.as_deref())?;
-        Ok(vec![path])
+        data_file::DataExport {
+            run: &self.run,
+            frame: self.frame,
+            out: self.out.as_deref(),
+            contacts: self.contacts,
+        }
+        .write(reader)
     }
 
     fn frames(&self) -> Result<Vec<PathBuf>> {
+        if self.contacts {
+            return Err(Failure::input(
+                "--contacts: is of data files; give --format lammps-data, or leave it out: lammps-dump, vtkhdf, npz and csv have the contacts of every frame",
+            ));
+        }
         if checkpoint::is_checkpoint(&self.run) {
             return Err(Failure::input(format!(
                 "{}: is a checkpoint; only lammps-data and liggghts-data are made of it",

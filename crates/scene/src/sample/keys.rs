@@ -147,6 +147,12 @@ table! {
         },
         /// file with the grains, instead of insertion: LAMMPS data or dump, a list, or a run
         packing: Text(&[]) { condition: "a path, from the folder of this file", otherwise: "none" },
+        /// file with the contacts of the packing and their histories, as `gshear-reduce export
+        /// --contacts` writes it; without it contacts begin without history
+        contacts: Text(&[]) {
+            condition: "a path, with `packing`; without `pack.skip = false` and `replicate`",
+            otherwise: "none",
+        },
         /// copies of the packing beside each other along its periodic axes: `[n_x]`, in 3D
         /// `[n_x, n_y]`; in a cell that is periodic along its last axis, too, one more
         replicate: Numbers(COPIES) { condition: "whole numbers", otherwise: "once" },

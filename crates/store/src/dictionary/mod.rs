@@ -152,7 +152,11 @@ pub fn write_figure_data(path: &Path, csv: &str, axes: usize) -> Result<()> {
     write_described(OF_FIGURES, path, csv, axes)
 }
 
-fn write_described(kind: &str, path: &Path, csv: &str, axes: usize) -> Result<()> {
+/// Writes a table of a kind, such as `frame-contacts.csv`, whatever its own name, and its metadata.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn write_described(kind: &str, path: &Path, csv: &str, axes: usize) -> Result<()> {
     text_writer::write(path, csv)?;
     let names: Vec<&str> = csv.lines().next().unwrap_or_default().split(',').collect();
     write_metadata(kind, path, &names, axes)

@@ -40,7 +40,7 @@ use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{BoxEdges, Cell, Frame, GrainConstants, SeriesRow, Sheared};
 pub use gshear_scene::RunStage;
 use gshear_scene::schedule::Schedule;
-use gshear_scene::{Dimensions, ReadPacking, Source};
+use gshear_scene::{Dimensions, PackingPaths, ReadPacking, Source};
 
 /// Columns of the time series of a stage that all its runs have.
 pub fn series_columns(stage: RunStage) -> &'static [Column] {
@@ -663,8 +663,12 @@ impl RunFile {
     /// takes its grains from the file of a packing, or is one of another version.
     fn schedule(&self) -> Option<Schedule> {
         let source = Source::new(self.path.display().to_string(), self.scene());
-        let packing: ReadPacking<'_> =
-            &mut |path: &Path, _| Err(Failure::input(format!("{} is not read", path.display())));
+        let packing: ReadPacking<'_> = &mut |paths: PackingPaths<'_>, _| {
+            Err(Failure::input(format!(
+                "{} is not read",
+                paths.grains.display()
+            )))
+        };
         let scene = gshear_scene::load_with(&source, &[], packing).ok()?;
         let height = self.number("height_start")?;
         Some(Schedule::new(&scene, scene.shear()?, height))

@@ -8,10 +8,12 @@ use gshear_driver::exported_state::ExportedState;
 use gshear_scene::{Dimensions, lammps_data};
 use gshear_store::file_names::folder_of;
 use gshear_store::run_reader::RunFile;
-use gshear_store::{checkpoint, provenance, text_writer};
+use gshear_store::{checkpoint, dictionary, provenance, text_writer};
 
+use super::beside;
 use crate::frame_selection::Which;
 use crate::results::Results;
+use crate::stored_state::{StateSelection, StoredState};
 
 /// The program that reads a data file.
 pub struct Reader {
@@ -41,33 +43,65 @@ pub const LIGGGHTS: Reader = Reader {
     volume: Two::volume,
 };
 
-/// Writes a state of `run`, which is a run or a checkpoint, to `out` or into the folder of the run.
-/// Returns the path.
-///
-/// # Errors
-/// A missing frame, a damaged file, a file that cannot be written.
-pub fn write(
-    run: &Path,
-    reader: &Reader,
-    frame: Option<Which>,
-    out: Option<&Path>,
-) -> Result<PathBuf> {
-    let state = if checkpoint::is_checkpoint(run) {
-        if let Some(Which::Number(_)) = frame {
-            return Err(Failure::input(format!(
-                "--frame: {} is a checkpoint, which holds one state; leave it out",
-                run.display()
-            )));
-        }
-        ExportedState::of_checkpoint(run)?
-    } else {
-        let run = RunFile::open_any(run)?;
-        ExportedState::of_run(&run, frame.unwrap_or(Which::Last).of(&run)?)?
-    };
-    let path = Results::path(out, folder_of(run), &format!("{}.data", state.name))?;
-    text_writer::write(&path, data_file(&state, reader))?;
-    Ok(path)
+/// A state that is exported.
+pub struct DataExport<'a> {
+    /// A run or a checkpoint.
+    pub run: &'a Path,
+    /// The frame of a run; the last, if none is given.
+    pub frame: Option<Which>,
+    /// The file, if it is not to be in the folder of the run.
+    pub out: Option<&'a Path>,
+    /// Whether its contacts are written, too.
+    pub contacts: bool,
 }
+
+impl DataExport<'_> {
+    /// Writes the file, and the table of the contacts beside it. Returns their paths.
+    ///
+    /// # Errors
+    /// A missing frame, a damaged file, a file that cannot be written; frames without histories.
+    pub fn write(&self, reader: &Reader) -> Result<Vec<PathBuf>> {
+        let Self {
+            run, frame, out, ..
+        } = *self;
+        let state = if checkpoint::is_checkpoint(run) {
+            if let Some(Which::Number(_)) = frame {
+                return Err(Failure::input(format!(
+                    "--frame: {} is a checkpoint, which holds one state; leave it out",
+                    run.display()
+                )));
+            }
+            ExportedState::of_checkpoint(run)?
+        } else {
+            let run = RunFile::open_any(run)?;
+            ExportedState::of_run(&run, frame.unwrap_or(Which::Last).of(&run)?)?
+        };
+        let contacts = self.contacts.then(|| self.table(&state)).transpose()?;
+        let path = Results::path(out, folder_of(run), &format!("{}.data", state.name))?;
+        text_writer::write(&path, data_file(&state, reader))?;
+        let mut written = vec![path];
+        if let Some(table) = contacts {
+            let path = beside(&written[0], "contacts").with_extension("csv");
+            dictionary::write_described(KIND, &path, &table, state.dimension.axes())?;
+            written.push(path);
+        }
+        Ok(written)
+    }
+
+    /// The contacts as a table.
+    fn table(&self, state: &ExportedState) -> Result<String> {
+        let which = if checkpoint::is_checkpoint(self.run) {
+            None
+        } else {
+            self.frame.map(StateSelection::Frame)
+        };
+        let stored = StoredState::read(self.run, which)?;
+        Ok(stored.contact_table(|grain| state.id(grain)))
+    }
+}
+
+/// The name of the table in the dictionary.
+const KIND: &str = "frame-contacts.csv";
 
 fn data_file(state: &ExportedState, reader: &Reader) -> String {
     let (density, volume) = match state.dimension {
