@@ -19,7 +19,7 @@ use gshear_driver::signals::Signals;
 use gshear_driver::sweep::jobs::{self, Jobs};
 use gshear_driver::sweep::{Selection, Sweep, table};
 use gshear_driver::version;
-use gshear_mpi_exchange::{Parallel, World, launcher_variable};
+use gshear_mpi_exchange::{ForeignLauncher, Parallel, World, launcher_variable};
 use gshear_scene::Source;
 use gshear_scene::packing::split_frame;
 use gshear_store::collective::{on_root, told_by_root};
@@ -47,6 +47,11 @@ pub fn simulate(commit: &'static str) -> ExitCode {
             let outcome = print_layouts_of(&Solo, &arguments, cores);
             return ExitCode::from(exit_code(&outcome, true) as u8);
         }
+    }
+    if let Some(foreign) = ForeignLauncher::find() {
+        foreign.give_way();
+        let outcome = Err(Failure::input(&foreign.message));
+        return ExitCode::from(exit_code(&outcome, foreign.is_first) as u8);
     }
     let world = World::start();
     let speaks = world.rank() == 0;

@@ -37,6 +37,7 @@
 )]
 
 mod hints;
+mod launcher;
 mod node;
 mod parallel;
 mod posted;
@@ -44,7 +45,8 @@ mod processor;
 mod watchdog;
 mod world;
 
+pub use launcher::{ForeignLauncher, launcher_variable, library_version};
 pub use parallel::Parallel;
 pub use processor::processor_time;
 pub use watchdog::{LoneFailure, Waiting};
-pub use world::{World, end_process, launcher_variable, library_version};
+pub use world::{World, end_process};

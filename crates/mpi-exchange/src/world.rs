@@ -1,6 +1,7 @@
 //! Many ranks, by MPI.
 
 use crate::hints::Hints;
+use crate::launcher::{launched, library_version, variable};
 use crate::node::Node;
 use crate::parallel::Parallel;
 use crate::posted::{PostedHalo, PostedSum};
@@ -60,16 +61,6 @@ enum Way {
     SharedMemory(usize),
     /// The library.
     Library(PostedHalo),
-}
-
-/// Name and version of the MPI library, in one line.
-pub fn library_version() -> String {
-    let text = mpi::environment::library_version().unwrap_or_default();
-    let line = text.lines().next().unwrap_or_default();
-    // MPICH has a table, Open MPI adds who built it.
-    let line = line.split_once(", package").map_or(line, |(line, _)| line);
-    let words: Vec<&str> = line.split_whitespace().collect();
-    words.join(" ")
 }
 
 /// Settings of libraries that the environment may override.
@@ -155,7 +146,6 @@ impl World {
     /// # Errors
     /// [`Failure::Input`] with the variable of the launcher.
     pub fn check_launcher(&self) -> Result<()> {
-        let variable = |name: &str| std::env::var(name).ok();
         match launched(variable, std::process::id()) {
             Some((name, ranks)) if self.size == 1 => Err(Failure::input(format!(
                 "{name} says that this is one of {ranks} ranks, but MPI ({}) knows of one: another \
@@ -255,47 +245,6 @@ impl Drop for Operation<'_> {
         traffic.others += 1;
         self.wait.traffic.set(traffic);
     }
-}
-
-/// The variable by which a launcher tells its processes that they are several, and their number.
-/// `process`: this one.
-fn launched(
-    variable: impl Fn(&str) -> Option<String>,
-    process: u32,
-) -> Option<(&'static str, u64)> {
-    let mut found = launchers(variable, process);
-    found.find(|(_, ranks)| *ranks > 1)
-}
-
-/// The variable by which a launcher tells this process that it is a rank, even a single one.
-pub fn launcher_variable() -> Option<&'static str> {
-    let variable = |name: &str| std::env::var(name).ok();
-    let (name, _) = launchers(variable, std::process::id()).next()?;
-    Some(name)
-}
-
-/// The variables of launchers that a process has, each with the number of ranks that it tells.
-fn launchers(
-    variable: impl Fn(&str) -> Option<String>,
-    process: u32,
-) -> impl Iterator<Item = (&'static str, u64)> {
-    let number = |name: &str| variable(name)?.parse::<u64>().ok();
-    // Other processes of a job script have the variables of the batch system, too: the script's own
-    // programs, and those that mpirun starts on other nodes.
-    let is_task = number("SLURM_TASK_PID") == Some(process.into());
-    let named = |name| Some((name, number(name)?));
-    let found = [
-        named("OMPI_COMM_WORLD_SIZE"),
-        named("PMI_SIZE"),
-        if is_task {
-            named("SLURM_STEP_NUM_TASKS")
-        } else {
-            None
-        },
-        // The number of its ranks is not in the environment.
-        number("PMIX_RANK").map(|rank| ("PMIX_RANK", rank + 1)),
-    ];
-    found.into_iter().flatten()
 }
 
 /// The same bytes; an empty slice with a valid address. Rust gives an empty slice of bytes the
@@ -546,54 +495,5 @@ impl Exchange for World {
 
     fn traffic(&self) -> Traffic {
         self.traffic.get()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::launched;
-
-    #[test]
-    fn ranks_of_another_mpi_are_told_from_other_processes() {
-        let found = |environment: &[(&str, &str)]| {
-            let of = |name: &str| environment.iter().find(|(known, _)| *known == name);
-            launched(|name| of(name).map(|(_, value)| (*value).to_string()), 7)
-        };
-        for (environment, ranks) in [
-            (&[][..], None),
-            (&[("OMPI_COMM_WORLD_SIZE", "2")], Some(2)),
-            (&[("PMI_SIZE", "3"), ("PMI_RANK", "0")], Some(3)),
-            (&[("PMI_SIZE", "1"), ("PMI_RANK", "0")], None),
-            (&[("PMIX_RANK", "0")], None),
-            (&[("PMIX_RANK", "3")], Some(4)),
-            // A task of srun.
-            (
-                &[("SLURM_STEP_NUM_TASKS", "4"), ("SLURM_TASK_PID", "7")],
-                Some(4),
-            ),
-            (
-                &[("SLURM_STEP_NUM_TASKS", "1"), ("SLURM_TASK_PID", "7")],
-                None,
-            ),
-            // A program of a batch script for four tasks, or of a shell under srun.
-            (
-                &[
-                    ("SLURM_NTASKS", "4"),
-                    ("SLURM_PROCID", "0"),
-                    ("SLURM_TASK_PID", "7"),
-                ],
-                None,
-            ),
-            (
-                &[("SLURM_STEP_NUM_TASKS", "4"), ("SLURM_TASK_PID", "6")],
-                None,
-            ),
-        ] {
-            assert_eq!(
-                found(environment).map(|found| found.1),
-                ranks,
-                "{environment:?}"
-            );
-        }
     }
 }

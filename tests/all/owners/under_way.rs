@@ -133,15 +133,42 @@ fn a_lock_holds_in_another_pid_namespace() {
     assert!(!out.join("run.lock").exists());
 }
 
-/// `mpiexec` of another MPI starts programs that know nothing of each other.
+/// `mpiexec` of another MPI starts programs that know nothing of each other, or that end in the
+/// start of MPI: the first one says so before.
 #[test]
 fn a_launcher_of_another_mpi_is_refused() {
     let temporary = tempfile::tempdir().expect("a folder");
     let out = temporary.path().join("out");
     let scene = [SCENE, "--set=shear.strain=0.001"].map(String::from);
-    let several = [("PMI_SIZE", "2"), ("PMI_RANK", "1")];
-    let refused = crate::common::with_environment(&several, 1, &out, &scene);
-    ended(&refused, 2, &["PMI_SIZE", "one of 2 ranks"]);
+    let library = gshear_mpi_exchange::library_version();
+    let is_open_mpi = library.starts_with("Open MPI");
+    let started = |rank: &str| {
+        let several = if is_open_mpi {
+            [("PMI_SIZE", "2"), ("PMI_RANK", rank)]
+        } else {
+            [
+                ("OMPI_COMM_WORLD_SIZE", "2"),
+                ("OMPI_COMM_WORLD_RANK", rank),
+            ]
+        };
+        crate::common::with_environment(&several, 1, &out, &scene)
+    };
+    let needed = if is_open_mpi {
+        ["PMI_SIZE says", "start it with Open MPI's mpirun"]
+    } else {
+        [
+            "OMPI_COMM_WORLD_SIZE says",
+            "start it with the mpiexec of that MPI",
+        ]
+    };
+    let first = started("0");
+    ended(
+        &first,
+        2,
+        &[needed[0], "one of 2 ranks", &library, needed[1]],
+    );
+    let second = started("1");
+    assert_eq!((second.code, second.text.trim()), (2, ""));
     assert!(!out.exists());
     // A program of a batch script for four tasks.
     let script = [("SLURM_NTASKS", "4"), ("SLURM_PROCID", "0")];
