@@ -333,6 +333,42 @@ fn protocols_are_fitted_together() {
     assert!(!names(&out).contains(&"holds.svg".to_string()));
 }
 
+/// Of a run, too, given parameters are predictions: its own law lies on the data, and another one
+/// beside them. Only μ* is fitted, which its noise leaves to about 1e-4.
+#[test]
+fn given_parameters_are_predictions_for_runs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let noise = 1e-3;
+    let path = written(folder.path(), "given", &run(&protocol(), 4e-3, noise, 5));
+    let fit_of = |given: &str, law: &str| {
+        let out = folder.path().join(format!("{law}-{}", given.len()));
+        let words = ["--law", law, "--given", given];
+        let to = ["--out", out.to_str().expect("UTF-8")];
+        let said = done(&[&["rate-state", &path][..], &words, &to].concat());
+        (said, json(&out)["fits"][0]["laws"][law].clone(), out)
+    };
+    let own = format!("a={},b={},d_c={}", LAW.a, LAW.b, LAW.d_c);
+    let (said, fit, out) = fit_of(&own, "slip");
+    assert!(said.contains("0.01780 (given)"), "{said}");
+    assert_eq!(fit["given"], serde_json::json!(["a", "b", "d_c"]));
+    for (name, made) in [("a", LAW.a), ("b", LAW.b), ("d_c", LAW.d_c)] {
+        assert_eq!(fit[name]["value"].as_f64(), Some(made), "{fit}");
+    }
+    let mu_star = fit["mu_star"]["value"].as_f64().expect("a number");
+    assert!((mu_star - LAW.mu_star).abs() < 2e-4, "{mu_star}");
+    // The noise, of means of rows, and nothing besides.
+    let rms = |fit: &Value| fit["rms"].as_f64().expect("a number");
+    let of_noise = rms(&fit);
+    assert!((0.3 * noise..noise).contains(&of_noise), "{fit}");
+    assert!(names(&out).contains(&"fits.csv".to_string()));
+
+    let other = format!("a={},b={},d_c={}", 2.0 * LAW.a, LAW.b, LAW.d_c);
+    for (given, law) in [(&own, "aging"), (&other, "slip")] {
+        let (_, fit, _) = fit_of(given, law);
+        assert!(rms(&fit) > 2.0 * of_noise, "{law} {given}: {fit}");
+    }
+}
+
 /// The plain report of a run under a spring leads to its rate and state.
 #[test]
 fn a_report_of_a_spring_has_its_fits() {

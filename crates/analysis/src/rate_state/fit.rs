@@ -153,6 +153,7 @@ fn result(windows: &[FitWindow], form: &FitForm, problem: &FitProblem<'_>) -> Re
     let quantities = Quantity::ALL.into_iter().filter(|q| form.has(*q));
     let estimates = quantities.map(|quantity| {
         let value = match quantity {
+            _ if let Some(given) = form.given(quantity) => given,
             Quantity::AMinusB => model.law.rate_dependence(),
             _ if quantity.is_logarithmic() => problem.value(quantity).exp(),
             _ => problem.value(quantity),
