@@ -10,7 +10,8 @@ use crate::system::System;
 pub(crate) const FLAGS: usize = 4;
 const FORCES_AT: usize = 1 + FLAGS;
 const FORCE: usize = LIMBS + 1;
-const FORCES: usize = 6;
+/// Number of forces, at most; a sum through shared memory has few terms.
+const FORCES: usize = 4;
 const MESSAGE: usize = FORCES_AT + FORCES * FORCE;
 /// Size of the message that the ranks sum in every step (bytes), if it has the forces on the top.
 pub const MESSAGE_BYTES: usize = (FORCES_AT + 2 * FORCE) * size_of::<i64>();
@@ -21,6 +22,7 @@ pub(crate) struct SumOverRanks {
     message: [i64; MESSAGE],
     /// Its length: the forces that the drive does not ask for are last, and left out.
     length: usize,
+    summed: SummedForces,
     failure: Option<String>,
 }
 
@@ -45,22 +47,27 @@ impl SumOverRanks {
         for (to, flag) in message[1..FORCES_AT].iter_mut().zip(flags) {
             *to = i64::from(flag);
         }
-        let [x, y] = load.lateral;
-        let sums = [load.up, load.along, load.bottom, x, y, load.bottom_along];
-        for (sum, limbs) in sums.iter().zip(message[FORCES_AT..].chunks_mut(FORCE)) {
+        let summed = drive.summed_forces();
+        let others = if summed == SummedForces::OnTopAndSides {
+            load.lateral
+        } else {
+            [load.bottom, load.bottom_along]
+        };
+        let sums = [load.up, load.along].into_iter().chain(others);
+        for (sum, limbs) in sums.zip(message[FORCES_AT..].chunks_mut(FORCE)) {
             sum.write(limbs);
         }
-        let forces = match drive.summed_forces() {
+        let forces = match summed {
             SummedForces::OnTop => 2,
             SummedForces::OnTopAndBottom => 3,
-            SummedForces::OnSides => 5,
-            SummedForces::All => FORCES,
+            SummedForces::OnTopAndBottomBothWays | SummedForces::OnTopAndSides => FORCES,
         };
         let length = FORCES_AT + forces * FORCE;
         exchange.begin_sum(&message[..length]);
         Self {
             message,
             length,
+            summed,
             failure,
         }
     }
@@ -77,6 +84,7 @@ impl SumOverRanks {
         let Self {
             mut message,
             length,
+            summed,
             failure,
         } = self;
         exchange.end_sum(&mut message[..length]);
@@ -85,18 +93,21 @@ impl SumOverRanks {
             system.fixed.value(Accumulator::read(limbs))
         };
         let forces: [f64; FORCES] = std::array::from_fn(force);
-        let [up, along, bottom, x, y, bottom_along] = forces;
+        let [up, along, others @ ..] = forces;
         if message[0] > 0 || forces.iter().any(|force| force.is_nan()) {
             return Err(system.fail(exchange, failure));
         }
         let flags = std::array::from_fn(|k| message[1 + k] > 0);
-        let forces = WallForces {
+        let mut forces = WallForces {
             up,
             along,
-            bottom,
-            lateral: [x, y],
-            bottom_along,
+            ..WallForces::default()
         };
+        if summed == SummedForces::OnTopAndSides {
+            forces.lateral = others;
+        } else {
+            [forces.bottom, forces.bottom_along] = others;
+        }
         Ok((forces, flags))
     }
 }

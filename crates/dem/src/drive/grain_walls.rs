@@ -125,7 +125,7 @@ impl<D: Dimension> Drive<D> for GrainWalls {
     fn summed_forces(&self) -> SummedForces {
         let protocol = &self.motion.slider.protocol;
         if protocol.has_bottom_along() {
-            SummedForces::All
+            SummedForces::OnTopAndBottomBothWays
         } else if protocol.has_bottom() {
             SummedForces::OnTopAndBottom
         } else {

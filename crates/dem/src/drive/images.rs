@@ -331,7 +331,7 @@ impl<D: Dimension> Drive<D> for Images {
 
     fn summed_forces(&self) -> SummedForces {
         if self.lateral.is_some() {
-            SummedForces::OnSides
+            SummedForces::OnTopAndSides
         } else {
             SummedForces::OnTop
         }

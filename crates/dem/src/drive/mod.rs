@@ -60,12 +60,12 @@ pub struct WallSums {
 pub enum SummedForces {
     /// Those on the top.
     OnTop,
-    /// Those on top and bottom.
+    /// Those on the top, and that on the bottom upwards.
     OnTopAndBottom,
-    /// Those on top, bottom and sides.
-    OnSides,
-    /// All, also that on the bottom along x.
-    All,
+    /// Those on top and bottom.
+    OnTopAndBottomBothWays,
+    /// Those on top and sides.
+    OnTopAndSides,
 }
 
 /// Which stress of a cell a step needs.
