@@ -40,7 +40,7 @@ help:
 	@echo "make peers     speed beside LAMMPS, LIGGGHTS and DIRT, which it installs"
 	@echo "make million   a million spheres in shear: packs a sample, repeats it, says speed and memory"
 	@echo "make studies   runs and figures of docs/validation/new.md, from nothing: hours"
-	@echo "make own-law   a program with a contact law and an adhesion of its own (examples/own_law): digests on 1 rank, on 2, and resumed"
+	@echo "make own-law   a program with a law, an adhesion and an observable of its own (examples/own_law): digests on 1 rank, on 2, and resumed"
 	@echo "make mpich     builds with MPICH, which it installs, into target/mpich; tests exchange and digests"
 	@echo "make wheel     the wheel with both programs into target/wheel/dist, for pip on any Linux with glibc 2.28; TARGET=aarch64"
 	@echo "make install   programs, manual pages, completions, scenes and docs into PREFIX=$(PREFIX); make uninstall removes them"

@@ -39,6 +39,7 @@ mod jacobian;
 mod job_scripts;
 mod kept_files;
 mod new_scenes;
+mod observables;
 mod owners;
 mod packing;
 mod packing_contacts;

@@ -9,8 +9,9 @@ use gshear_dem::state::{
     ContactSample, ContactState, FramePart, GrainSample, GrainState, HeldState, SeriesRow, Snapshot,
 };
 use gshear_mpi_exchange::{Parallel, World};
+use gshear_store::checkpoint;
+use gshear_store::log::{Log, LogColumns};
 use gshear_store::trajectory::{RunHeader, TrajectoryWriter};
-use gshear_store::{checkpoint, log::Log};
 
 use crate::common::synthetic::{
     at_the_end, attributes, contact, edges, grain, header, owner, pairs, row, shapes, snapshot,
@@ -47,7 +48,12 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<()> {
     };
     let (path, csv) = (folder.join("run.h5"), folder.join("log.csv"));
     let mut writer = TrajectoryWriter::create(world, &path, &header)?;
-    let mut log = Log::create(world, &csv, &SeriesRow::COLUMNS)?;
+    let places: Vec<usize> = (0..SeriesRow::COLUMNS.len()).collect();
+    let columns = LogColumns {
+        series: &SeriesRow::COLUMNS,
+        places: &places,
+    };
+    let mut log = Log::create(world, &csv, columns)?;
     let frame = |writer: &mut TrajectoryWriter, t: u64| {
         let of_rank: Vec<GrainSample> = (0..grains)
             .rev()
@@ -80,7 +86,7 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<()> {
 
     // Resumed from the middle of a batch.
     let mut writer = TrajectoryWriter::open_to_append(world, &path, &SeriesRow::COLUMNS, 81, 55)?;
-    let mut log = Log::open_to_append(world, &csv, &SeriesRow::COLUMNS, 270, 55)?;
+    let mut log = Log::open_to_append(world, &csv, columns, 270, 55)?;
     assert_eq!((writer.frames(), writer.rows()), (81, 55));
     for t in 81..150 {
         frame(&mut writer, t)?;

@@ -20,6 +20,7 @@
 //! ```
 
 use std::fmt;
+use std::sync::{Mutex, PoisonError};
 
 /// A column of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,19 +31,37 @@ pub struct Column {
     pub unit: &'static str,
     /// What the column holds; also the text of docs/reference/columns.md.
     pub doc: &'static str,
+    /// Whether a scene declares the column, and not the program. Its unit is in any dimension the
+    /// one that it has here.
+    pub is_own: bool,
 }
 
 impl Column {
     /// A column.
     pub const fn new(name: &'static str, unit: &'static str, doc: &'static str) -> Self {
-        Self { name, unit, doc }
+        Self {
+            name,
+            unit,
+            doc,
+            is_own: false,
+        }
+    }
+
+    /// A column that a scene declares. Its texts are kept for as long as the program runs.
+    pub fn own(name: &str, unit: &str, doc: &str) -> Self {
+        let [name, unit, doc] = [name, unit, doc].map(kept_text);
+        Self {
+            is_own: true,
+            ..Self::new(name, unit, doc)
+        }
     }
 
     /// Unit in so many dimensions, `None` for pure numbers. In 2D forces, energies and masses are
     /// per unit depth.
     pub fn unit_in(&self, axes: usize) -> Option<String> {
         match (self.unit, axes) {
-            ("1", _) => None,
+            ("1" | "", _) => None,
+            (unit, _) if self.is_own => Some(unit.into()),
             (unit @ ("N" | "J" | "kg"), 2) => Some(format!("{unit} m-1")),
             ("N m", 2) => Some("N".into()),
             (unit, _) => Some(unit.into()),
@@ -68,6 +87,31 @@ impl fmt::Display for Column {
 pub fn joined_names(columns: &[Column], separator: &str) -> String {
     let names: Vec<&str> = columns.iter().map(|column| column.name).collect();
     names.join(separator)
+}
+
+/// Texts and lists of columns that a scene declares, each kept once.
+static KEPT_TEXTS: Mutex<Vec<&'static str>> = Mutex::new(Vec::new());
+static KEPT_LISTS: Mutex<Vec<&'static [Column]>> = Mutex::new(Vec::new());
+
+fn kept_text(text: &str) -> &'static str {
+    let mut kept = KEPT_TEXTS.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = kept.iter().find(|known| **known == text) {
+        return known;
+    }
+    let new: &'static str = Box::leak(text.into());
+    kept.push(new);
+    new
+}
+
+/// A list of columns that is kept for as long as the program runs.
+pub fn kept(columns: &[Column]) -> &'static [Column] {
+    let mut kept = KEPT_LISTS.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = kept.iter().find(|known| **known == columns) {
+        return known;
+    }
+    let new: &'static [Column] = Box::leak(columns.into());
+    kept.push(new);
+    new
 }
 
 /// Declares the row of a table: a struct of `f64` with `COLUMNS`, `columns` and `from_columns`.
@@ -100,6 +144,7 @@ macro_rules! columns {
                     name: stringify!($name),
                     unit: $unit,
                     doc: concat!($($doc),+).trim_ascii(),
+                    is_own: false,
                 },)+
             ];
 
@@ -143,6 +188,16 @@ mod tests {
         assert_eq!(force.unit_in(3).as_deref(), Some("N"));
         assert_eq!(share.unit_in(2), None);
         assert_eq!(force.doc, "Force along the wall.");
+    }
+
+    #[test]
+    fn columns_of_scenes_are_kept_once() {
+        let column = || super::Column::own("v", "N", "mean");
+        assert_eq!(column().unit_in(2).as_deref(), Some("N"));
+        assert!(std::ptr::eq(column().name, column().name));
+        let list = || super::kept(&[Pair::COLUMNS[0], column()]);
+        assert!(std::ptr::eq(list(), list()));
+        assert_eq!(list()[1], column());
     }
 
     #[test]

@@ -105,6 +105,7 @@
 //! | [`boundary`] | what bounds a sample, and what follows from it |
 //! | [`drive`], [`protocol`], [`wave`] | its motion, and what is imposed on it |
 //! | [`observe`], [`columns`](mod@columns) | rows, frames and the digest; columns of tables |
+//! | [`observables`] | columns that scenes and programs add |
 //! | [`budget`], [`clock`] | energy budget; time per phase |
 //! | [`failure`] | failures and exit codes |
 //!
@@ -160,6 +161,7 @@ pub mod laws;
 mod list;
 mod motion;
 pub mod neighbour;
+pub mod observables;
 pub mod observe;
 pub mod processor;
 pub mod profile;

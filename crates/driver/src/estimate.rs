@@ -463,7 +463,7 @@ impl<'a> Parts<'a> {
         let run = file_of(scene, name, counts.frames, counts.rows, columns);
         let log = FileEstimate {
             name: LOG_FILE,
-            bytes: NUMBER * (columns + 1) as f64 * counts.rows as f64,
+            bytes: NUMBER * (schedule.log_columns.len() + 1) as f64 * counts.rows as f64,
             compressed: None,
             content: format!("{} rows", counts.rows),
         };

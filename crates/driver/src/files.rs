@@ -10,7 +10,7 @@ use gshear_store::collective::{agree, exists, on_root, told_by_root};
 use gshear_store::disk::unwritten;
 use gshear_store::file_names::{LOG_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE};
 use gshear_store::h5::Attribute;
-use gshear_store::log::Log;
+use gshear_store::log::{Log, LogColumns};
 use gshear_store::text_writer;
 use gshear_store::trajectory::{FrameFormat, GrainShape, RunHeader, TrajectoryWriter};
 use gshear_store::{dictionary, existing, part, provenance};
@@ -48,6 +48,8 @@ pub(crate) struct Format<'a> {
     pub name: &'a str,
     /// Columns of the time series.
     pub columns: &'a [Column],
+    /// The places among them of those of the log.
+    pub log_columns: &'a [usize],
     /// Attributes in addition to those of every run.
     pub attributes: Vec<(&'static str, Attribute)>,
     /// Height between the walls, or of the cell (m), of a shear, which has a `log.csv`; `None` of
@@ -96,15 +98,19 @@ impl Format<'_> {
             return Ok(None);
         }
         let (exchange, path) = (run.exchange, run.options.out.join(LOG_FILE));
+        let columns = LogColumns {
+            series: self.columns,
+            places: self.log_columns,
+        };
         let log = match last {
-            Some(last) => Log::open_to_append(exchange, &path, self.columns, last, rows)?,
+            Some(last) => Log::open_to_append(exchange, &path, columns, last, rows)?,
             None => {
                 on_root(exchange, || {
-                    let names = Log::names(self.columns);
+                    let names = columns.names();
                     let axes = run.scene.dimension.axes();
                     dictionary::write_metadata_with(LOG_FILE, &path, &names, self.columns, axes)
                 })?;
-                Log::create(exchange, &path, self.columns)?
+                Log::create(exchange, &path, columns)?
             }
         };
         Ok(Some(log))

@@ -18,7 +18,7 @@ use gshear_store::csv_table::rows_up_to;
 use gshear_store::file_names::{
     LOG_FILE, LOG_METADATA_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE, STATUS_FILE, is_reduced,
 };
-use gshear_store::log::Log;
+use gshear_store::log::{Log, LogColumns};
 use gshear_store::run_reader::{self, RunFile};
 use gshear_store::{checkpoint, existing, part, probe, text_writer};
 
@@ -158,12 +158,11 @@ impl RunFolder {
     /// Checks that the files fit the checkpoint, so that a resume that fails writes nothing.
     fn check_files(&self, saved: &Saved, file: &ContinuedFile<'_>, scene: &Scene) -> Result<()> {
         let header = &saved.header;
-        let columns = match (header, scene.shear()) {
-            (Header::Shear(shear), Some(walls)) => {
-                Schedule::new(scene, walls, shear.height).columns
-            }
-            _ => file.columns,
-        };
+        let (mut columns, mut log_columns) = (file.columns, Vec::new());
+        if let (Header::Shear(shear), Some(walls)) = (header, scene.shear()) {
+            let schedule = Schedule::new(scene, walls, shear.height);
+            (columns, log_columns) = (schedule.columns, schedule.log_columns);
+        }
         let (path, step) = (self.path.join(file.name), header.step());
         let is_there = part::exists(&path);
         // The checkpoint's numbers are those of the file beside it, unless that was lost since.
@@ -191,11 +190,15 @@ impl RunFolder {
         let log = self.path.join(LOG_FILE);
         match header {
             Header::Shear(_) if is_there || log.exists() => {
-                Log::check(&log, columns, step, rows)?;
+                let of_log = LogColumns {
+                    series: columns,
+                    places: &log_columns,
+                };
+                Log::check(&log, of_log, step, rows)?;
                 // A killed program may have left anything after the checkpoint, which a reader
                 // refuses.
                 if is_there && let Ok(file) = RunFile::open(&path) {
-                    Log::compare(&log, step, file.series())?;
+                    Log::compare(&log, step, file.series(), &log_columns)?;
                 }
                 Ok(())
             }

@@ -7,6 +7,7 @@ use super::curves::{Abscissa, lines};
 use super::panels::{Deformation, PANELS, Panel, Shown};
 use super::plot::Layout;
 use super::summary::{is_driven, is_imposed};
+use super::text::escape;
 use super::ticks;
 use super::{FigureData, ReportFigure};
 
@@ -105,7 +106,28 @@ pub fn figures(run: &RunFile, axis: &Axis) -> Vec<ReportFigure> {
         let mut columns = panel.lines.iter().map(|[column, _]| column);
         (driven || panel.name != "slip-rate") && columns.all(|column| run.series().has(column))
     });
-    panels.filter_map(|panel| drawn(run, axis, panel)).collect()
+    let figures = panels.filter_map(|panel| drawn(run, axis, panel));
+    figures.chain(own_figures(run, axis)).collect()
+}
+
+/// Draws the columns that the scene declares, a figure each.
+fn own_figures<'a>(
+    run: &'a RunFile,
+    axis: &'a Axis,
+) -> impl Iterator<Item = ReportFigure> + use<'a> {
+    let series = run.series();
+    let columns = series.declared.iter().zip(&series.columns);
+    let own = columns.filter(|(column, _)| column.is_own);
+    own.filter_map(|(column, values)| {
+        let label = match column.unit_in(run.dimension().axes()) {
+            Some(unit) => format!("{column} ({unit})"),
+            None => column.to_string(),
+        };
+        let svg = lines(LAYOUT, axis.abscissa(), &label, &[("", &values[..])])?;
+        let caption = format!("Observable {column}: {}.", escape(column.doc));
+        let name = format!("observable-{column}");
+        Some(ReportFigure::new(&name, caption, svg, FigureData::Series))
+    })
 }
 
 /// `None` if nothing has been recorded.

@@ -48,6 +48,7 @@ pub mod sweep;
 mod text;
 pub mod ticks;
 
+use std::io::{BufRead, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 use self::drawing::Format;
@@ -56,13 +57,14 @@ use self::map::Map;
 use self::page::Page;
 use self::summary::{DropFrames, EventFrames, Summary};
 pub use self::summary::{drop_without_frames, shows_drops};
+use gshear_dem::columns::Column;
 use gshear_dem::failure::Result;
 use gshear_dem::state::GrainConstants;
 use gshear_store::csv_table::Table;
 use gshear_store::file_names::LOG_FILE;
 use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::status::RunCondition;
-use gshear_store::{dictionary, text_writer};
+use gshear_store::{dictionary, sound, text_writer};
 
 /// A figure of the report: name of its files, caption in HTML, SVG, and its data.
 struct ReportFigure {
@@ -116,19 +118,35 @@ const SERIES: &str = "series.csv";
 /// The address of the time series of a run from a page in `folder`: `log.csv` of the run, or
 /// [`SERIES`], which is written if it is not there.
 fn series_of(run: &RunFile, folder: &Path) -> Result<String> {
-    if folder.parent() == Some(run.folder()) && run.folder().join(LOG_FILE).is_file() {
+    let series = run.series();
+    let log = run.folder().join(LOG_FILE);
+    let is_beside = folder.parent() == Some(run.folder()) && log.is_file();
+    if is_beside && has_columns(&log, series.declared) {
         return Ok(format!("../{LOG_FILE}"));
     }
-    let series = run.series();
     let table = Table::of(0..series.rows())
         .column("step", |row| series.step[*row])
         .column("time", |row| series.time[*row])
         .columns(series.declared.iter().map(|column| column.name), |&row| {
             series.columns.iter().map(move |column| column[row])
         });
-    dictionary::write_figure_data(&folder.join(SERIES), &table.csv(), run.dimension().axes())?;
+    let axes = run.dimension().axes();
+    let path = folder.join(SERIES);
+    dictionary::write_figure_data_with(&path, &table.csv(), series.declared, axes)?;
     Ok(SERIES.into())
 }
+
+/// Whether a log has all of these columns: `output.columns` may leave some out.
+fn has_columns(log: &Path, columns: &[Column]) -> bool {
+    let mut head = String::new();
+    let file = sound::regular(log);
+    let read = file.and_then(|file| BufReader::new(file.take(HEAD_BYTES)).read_line(&mut head));
+    let names: Vec<&str> = head.trim_end().split(',').collect();
+    read.is_ok() && columns.iter().all(|column| names.contains(&column.name))
+}
+
+/// Bytes of the first line of a log, at most.
+const HEAD_BYTES: u64 = 1 << 20;
 
 /// What the report of a run is made of besides its file.
 pub struct Sources<'a> {

@@ -18,7 +18,9 @@ use crate::schedule::packing_steps;
 use crate::stages::{GivenStages, RunStage, Stages};
 use crate::value::Value;
 use crate::walls::{PACK, PlaneShear};
-use crate::{extent, law, materials, output, quasi_static, sample, time, walls, write};
+use crate::{
+    extent, law, materials, observables, output, quasi_static, sample, time, walls, write,
+};
 
 /// Checks every value by itself, then those that must agree, and derives what follows. `given`: the
 /// stages whose tables are there; `limit`: of inserted grains; `packing` is called for the file of
@@ -92,6 +94,8 @@ pub(crate) fn scene(
     };
     allow_steps(c, &mut scene);
     extent::check(c, &scene)?;
+    observables::check(c, &mut scene);
+    c.settle()?;
     scene.toml = write::toml(c, &scene);
     Ok(scene)
 }

@@ -19,7 +19,7 @@ pub(crate) type Given = BTreeMap<&'static str, (usize, Value)>;
 /// One pass over a configuration.
 pub(crate) struct Checker<'a> {
     input: Input<'a>,
-    /// Where each table that was given begins.
+    /// Where each table that was given begins, and each table of a list.
     tables: BTreeMap<String, usize>,
     given: Given,
     /// Defaults and values that follow from others.
@@ -101,6 +101,18 @@ impl<'a> Checker<'a> {
             Some(_) => path.into(),
             None => self.input.folder(offset).join(path),
         }
+    }
+
+    /// Notes a problem of the n-th table of a list above all tables, from 0.
+    pub(crate) fn refuse_entry(&mut self, list: &Key, n: usize, what: &str) {
+        let of_list = self.offset(list).unwrap_or(0);
+        let own = self.tables.get(&format!("{} {}", list.path, n + 1));
+        let at = match own {
+            Some(at) if self.input.override_at(of_list).is_none() => *at,
+            _ => of_list,
+        };
+        let message = self.input.message(at, list.path, what);
+        self.problems.push((at, message));
     }
 
     /// A problem of what a key's value names, such as a file.

@@ -7,6 +7,7 @@ use gshear_dem::simd::Isa;
 use gshear_dem::system::{ListSettings, SweepSettings};
 
 use crate::checker::Checker;
+use crate::observable_keys::ObservableKeys;
 use crate::table::table;
 
 table! {
@@ -31,6 +32,13 @@ table! {
         stages: Names {
             condition: "the tables that are there",
             otherwise: "`[\"shear\", \"aqs\", \"newtonian\"]`",
+        },
+        /// columns of your own in the time series of a shear, each as `[[observable]]`; they begin
+        /// with a file, so at a resume they change only in another folder (`--out`)
+        observable: Tables(|| ObservableKeys::TABLE.keys()) {
+            condition: "with `[shear]`",
+            otherwise: "none",
+            change: Change::Resume,
         },
     }
 }

@@ -1,5 +1,7 @@
 //! All tables and keys, and what messages say of those that are unknown.
 
+use std::collections::BTreeMap;
+
 use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::{Key, Values};
 use toml::Spanned;
@@ -57,6 +59,19 @@ pub fn key(path: &str) -> Option<&'static Key> {
         Some((above, name)) => table(above)?.key(name),
         None => TOP.key(path),
     }
+}
+
+/// Where each table and key of the top begins, and each table of a list: `observable 2`.
+pub(crate) fn places(tree: &DeTable<'_>) -> BTreeMap<String, usize> {
+    let mut places = BTreeMap::new();
+    for (key, value) in tree {
+        let name = key.get_ref();
+        for (n, entry) in value.get_ref().as_array().into_iter().flatten().enumerate() {
+            places.insert(format!("{name} {}", n + 1), entry.span().start);
+        }
+        places.insert(name.to_string(), key.span().start);
+    }
+    places
 }
 
 /// The values of a tree in which all keys are known.
@@ -155,7 +170,10 @@ pub(crate) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<()> {
                 continue;
             }
             (Some(_), DeValue::String(text)) if text == TAKE_AWAY => continue,
-            (None, _) if TOP.key(name).is_some() => continue,
+            (None, value) if let Some(known) = TOP.key(name) => {
+                unknown_in_list(known, value, &mut problems);
+                continue;
+            }
             (Some(known), other) => KeyProblem {
                 at,
                 path: name.to_string(),
@@ -240,7 +258,11 @@ pub(crate) fn unknown_in_list(declared: &Key, value: &DeValue<'_>, problems: &mu
                 KeyProblem {
                     at,
                     path: format!("{}.{name}", declared.path),
-                    what: unknown_key(declared.table(), name),
+                    what: if declared.table().is_empty() {
+                        unknown_key_of_an_entry(declared, name, &known)
+                    } else {
+                        unknown_key(declared.table(), name)
+                    },
                 }
             });
         }
@@ -305,6 +327,12 @@ fn unknown_key_of_a_part(key: &str, known: &[&'static Key]) -> String {
     let names: Vec<&str> = known.iter().map(|known| known.name()).collect();
     let unknown = format!("unknown key {key}{}", meant(key, &names));
     known_names(unknown, "a part knows", &names)
+}
+
+fn unknown_key_of_an_entry(list: &Key, key: &str, known: &[&'static Key]) -> String {
+    let names: Vec<&str> = known.iter().map(|known| known.name()).collect();
+    let unknown = format!("unknown key{}", meant(key, &names));
+    known_names(unknown, &format!("[[{}]] knows", list.path), &names)
 }
 
 fn unknown_table(table: &str) -> String {

@@ -65,6 +65,8 @@ mod law;
 mod load;
 mod materials;
 mod merge;
+mod observable_keys;
+mod observables;
 mod output;
 mod overrides;
 pub mod packing;
@@ -158,10 +160,7 @@ pub fn load_within(
 ) -> Result<Scene> {
     let input = Input { source, overrides };
     let mut tree = merge::tree(&input)?;
-    let tables = tree
-        .keys()
-        .map(|key| (key.get_ref().to_string(), key.span().start))
-        .collect();
+    let tables = keys::places(&tree);
     overrides::apply(&mut tree, &input)?;
     let numbers = units::numbers(&mut tree, &input)?;
     units::put(&mut tree, &numbers);

@@ -35,6 +35,12 @@ table! {
         /// record the temperatures of the fluctuations in the time series; these columns begin
         /// with a file, so at a resume only in another folder (`--out`)
         temperatures: Flag { default: "false" },
+        /// columns of `log.csv` after step and time, in this order; `run.h5` has all of them. They
+        /// begin with the file, so at a resume only in another folder (`--out`)
+        columns: Names {
+            condition: "names of columns of the time series",
+            otherwise: "all",
+        },
         /// write the histories of contacts into frames, a quarter of them: `gshear-reduce spectrum`
         /// and `stability` of frames need them; replays have them all the same
         histories: Flag { default: "true" },

@@ -4,14 +4,18 @@
 use std::ops::Bound;
 
 use gshear_dem::adhesions::ADHESIONS;
+use gshear_dem::columns::Column;
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::laws::LAWS;
-use gshear_dem::laws::keys::{Bounds, Integers, Key, Values};
+use gshear_dem::laws::keys::{ANY, Bounds, Integers, Key, Values};
+use gshear_dem::observables::{GrainQuantity, functions, quantities};
 use serde_json::{Map, Value, json};
 
+use crate::general::SCENE;
 use crate::keys::{TABLES, TOP, tables};
 use crate::law::CONTACT;
 use crate::materials::MaterialKeys;
+use crate::observable_keys::ObservableKeys;
 use crate::protocol::{PartKeys, SHEAR, WITHOUT_TOP};
 use crate::quasi_static::AQS;
 use crate::strain_protocol::StrainPartKeys;
@@ -126,7 +130,62 @@ pub fn key_tables() -> String {
     ] {
         page += &part_table(list, keys);
     }
+    page += &observable_table();
+    page += &quantity_table();
     page + "\n" + END
+}
+
+/// The keys of an observable in Markdown.
+fn observable_table() -> String {
+    let mut table = format!(
+        "\n### Keys of an `[[{}]]`\n\n| key | meaning (unit) | default | allowed |\n| --- | --- | --- | --- |\n",
+        SCENE.observable.path
+    );
+    for key in ObservableKeys::TABLE.own {
+        let cells = [
+            format!("`{}`", key.name()),
+            with_unit(doc(key), key.unit),
+            default(key),
+            allowed(key),
+        ];
+        table += &row(&cells);
+    }
+    table
+}
+
+/// The quantities of a grain that formulas of observables name.
+fn quantity_table() -> String {
+    let mut table = String::from(
+        "\n### Quantities of a grain\n\n| name | meaning (unit) | |\n| --- | --- | --- |\n",
+    );
+    let of_disks: Vec<GrainQuantity> = quantities(Dimensions::Two).collect();
+    for quantity in quantities(Dimensions::Three) {
+        let Column {
+            name, unit, doc, ..
+        } = quantity.column;
+        let unit = match unit {
+            "1" => "",
+            "m s-1" => "m/s",
+            "rad s-1" => "rad/s",
+            "kg" => "kg, in 2D kg/m",
+            "J" => "J, in 2D J/m",
+            "N" => "N, in 2D N/m",
+            unit => unit,
+        };
+        let only = if of_disks.contains(&quantity) {
+            ""
+        } else {
+            "3D only"
+        };
+        let cells = [
+            format!("`{name}`"),
+            with_unit(doc.into(), unit),
+            only.into(),
+        ];
+        table += &row(&cells);
+    }
+    let functions: Vec<String> = functions().iter().map(|name| format!("`{name}`")).collect();
+    table + &format!("\nFunctions of formulas: {}.\n", functions.join(", "))
 }
 
 /// The keys of a part of a list in Markdown.
@@ -201,6 +260,7 @@ fn allowed(key: &Key) -> String {
         }
         Values::Text([]) if key.condition.is_empty() => "any string".into(),
         Values::Text(names) => quoted(names),
+        Values::Numbers(bounds) if bounds == ANY => String::new(),
         Values::Numbers(bounds) => format!("each {}", bounds.formula()),
         Values::Names | Values::Parts(_) | Values::Tables(_) => String::new(),
     };

@@ -8,7 +8,7 @@ use crate::protocol::{Motion, WallSpeed};
 use crate::scene::Scene;
 use crate::walls::PlaneShear;
 use gshear_dem::boundary::FurtherColumns;
-use gshear_dem::columns::Column;
+use gshear_dem::columns::{Column, kept};
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::protocol::{Along, Imposed, Normal, Part, Protocol, Ramp};
 use gshear_dem::until::Until;
@@ -42,8 +42,10 @@ pub struct Schedule {
     pub first_analysis: u64,
     /// Every so many steps; 0 is never.
     pub progress: u64,
-    /// Columns of the time series.
+    /// Columns of the time series, those of the scene last.
     pub columns: &'static [Column],
+    /// The places among them of the columns of `log.csv`.
+    pub log_columns: Vec<usize>,
     /// Which further ones are among them.
     pub further: FurtherColumns,
     /// Frames of a stretch that is computed again, instead of the segments'.
@@ -274,6 +276,29 @@ impl Plan {
     }
 }
 
+/// The columns of the time series.
+fn columns(walls: &PlaneShear, further: FurtherColumns) -> &'static [Column] {
+    let of_program = walls.boundary.series_columns(further);
+    if walls.observables.is_empty() {
+        return of_program;
+    }
+    let own = walls.observables.iter().map(|own| own.column);
+    let all: Vec<Column> = of_program.iter().copied().chain(own).collect();
+    kept(&all)
+}
+
+/// The places of the columns of `log.csv` among those of the time series.
+fn log_columns(walls: &PlaneShear, columns: &[Column]) -> Vec<usize> {
+    let all = 0..columns.len();
+    match &walls.log_columns {
+        None => all.collect(),
+        Some(chosen) => {
+            let place = |name: &&str| all.clone().find(|place| columns[*place].name == *name);
+            chosen.iter().filter_map(place).collect()
+        }
+    }
+}
+
 impl Schedule {
     /// The schedule of a scene between walls whose sheared layer is `height` (m) high at the start.
     pub fn new(scene: &Scene, walls: &PlaneShear, height: f64) -> Self {
@@ -313,6 +338,7 @@ impl Schedule {
             bottom: protocol.has_bottom_along(),
             temperatures: output.temperatures,
         };
+        let columns = columns(walls, further);
         Self {
             step,
             height,
@@ -324,7 +350,8 @@ impl Schedule {
                 0 => 0,
                 lines => (total / lines).max(1),
             },
-            columns: walls.boundary.series_columns(further),
+            log_columns: log_columns(walls, columns),
+            columns,
             further,
             protocol,
             intervals,

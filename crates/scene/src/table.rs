@@ -3,7 +3,7 @@
 use std::ops::Bound;
 
 use gshear_dem::laws::keys::{Bounds, Key};
-use gshear_dem::{adhesions, laws};
+use gshear_dem::{adhesions, laws, observables};
 
 /// A table of the configuration, or its top.
 pub(crate) struct Table {
@@ -11,7 +11,7 @@ pub(crate) struct Table {
     pub name: &'static str,
     pub about: &'static str,
     pub scenes: Scenes,
-    /// Its keys but for those of the adhesions and the contact laws.
+    /// Its keys but for those of the adhesions, the contact laws and registered observables.
     pub own: &'static [&'static Key],
 }
 
@@ -26,10 +26,11 @@ pub(crate) enum Scenes {
 }
 
 impl Table {
-    /// Its keys; those of the adhesions and then of the contact laws come last.
+    /// Its keys; those of the adhesions, of the contact laws and of registered observables come
+    /// last.
     pub(crate) fn keys(&self) -> Vec<&'static Key> {
         let mut keys = self.own.to_vec();
-        for key in adhesion_keys().chain(law_keys()) {
+        for key in adhesion_keys().chain(law_keys()).chain(observable_keys()) {
             if key.table() == self.name && keys.iter().all(|known| known.path != key.path) {
                 keys.push(key);
             }
@@ -51,6 +52,11 @@ pub(crate) fn law_keys() -> impl Iterator<Item = &'static Key> {
 /// The keys of all adhesions, some more than once.
 pub(crate) fn adhesion_keys() -> impl Iterator<Item = &'static Key> {
     adhesions::all().flat_map(|kind| kind.keys.iter().copied())
+}
+
+/// The keys of all observables that the program registers, some more than once.
+fn observable_keys() -> impl Iterator<Item = &'static Key> {
+    observables::all().flat_map(|kind| kind.keys.iter().copied())
 }
 
 /// The contact laws that take a key, and the units that they give it.

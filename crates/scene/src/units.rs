@@ -4,7 +4,9 @@
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use super::general::SCENE;
 use super::keys::table;
+use super::observable_keys::ObservableKeys;
 use super::source::Input;
 use super::table::{Table, unit};
 use gshear_dem::failure::Result;
@@ -266,6 +268,9 @@ fn end_of_digits(bytes: &[u8], from: usize) -> usize {
     from + digits.count()
 }
 
+/// The keys of observables, a list of tables above all tables.
+static OBSERVABLES: Table = ObservableKeys::TABLE;
+
 /// What the units of a scene depend on.
 struct UnitChoice<'l> {
     /// Whether its grains are spheres.
@@ -408,6 +413,8 @@ fn quantities<'t, 'a>(tree: &'t mut DeTable<'a>) -> Vec<Quantity<'t, 'a>> {
     for (name, value) in tree.iter_mut() {
         if let Some(known) = table(name.get_ref()) {
             collect_in_table(known, value.get_mut(), &choice, &mut quantities);
+        } else if name.get_ref() == SCENE.observable.path {
+            collect_in_table(&OBSERVABLES, value.get_mut(), &choice, &mut quantities);
         }
     }
     quantities.retain(|found| {

@@ -194,7 +194,7 @@ fn expected(values: Values) -> &'static str {
         Values::Text(_) | Values::Word(_) => "a string in quotes",
         Values::Names => "a list of strings in quotes",
         Values::Parts(_) => "a list of tables of numbers, such as [[shear.protocol]]",
-        Values::Tables(_) => "a list of tables",
+        Values::Tables(_) => "a list of tables, in double brackets",
     }
 }
 

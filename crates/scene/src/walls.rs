@@ -5,6 +5,7 @@ use gshear_dem::drive::Servo;
 use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::{Change, FROM_ONE, Key, KeyReader, NOT_NEGATIVE, POSITIVE};
 use gshear_dem::laws::{Contact, Law};
+use gshear_dem::observables::ObservableColumn;
 use gshear_dem::state::Masses;
 
 use crate::checker::Checker;
@@ -62,6 +63,10 @@ pub struct PlaneShear {
     pub output: Output,
     /// What the run computes of its frames.
     pub analysis: Analysis,
+    /// Columns of the time series that the scene adds.
+    pub observables: Vec<ObservableColumn>,
+    /// The columns of `log.csv` after step and time; `None`: all.
+    pub log_columns: Option<Vec<&'static str>>,
 }
 
 /// Compression between smooth planes under P.
@@ -276,6 +281,8 @@ pub(crate) fn derive(
         shear,
         output,
         analysis,
+        observables: Vec::new(),
+        log_columns: None,
     };
     Ok((sample, plane_shear))
 }

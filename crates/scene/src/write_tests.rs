@@ -17,6 +17,11 @@ fn with(sets: &str) -> Scene {
     embedded(sets).unwrap()
 }
 
+/// With columns of its own.
+const OBSERVED: &str = r#"
+    observable=[{name="v",quantity="0.5*v_x^2",y=[0.25,0.75],radius=[0,1],unit="m/s"},{name="s",plane=0.5},{name="e",expression="v/s"}]
+    output.columns=["e","strain"]"#;
+
 /// The default scene without walls, strained after its shear.
 const BOTH: &str = "
     sample.boundary=periodic relax.tolerance=1e-9 relax.drag=1e3 aqs.strain_step=1e-4
@@ -54,6 +59,7 @@ fn every_choice_reads_back_as_the_same_scene() {
         "output.frame_strain=0 output.frame_start=0.01",
         "output.temperatures=true",
         "output.histories=false",
+        OBSERVED,
         "output.compress=false",
         "analysis.scalars=true analysis.start=0.02",
         "analysis.scalars=true analysis.strain=7e-5 output.frame_strain=0",
@@ -295,7 +301,7 @@ fn what_follows_from_other_keys_is_written() {
         "contact.twisting_stiffness",
     ];
     // Without them nothing is said: other keys, files or whoever runs the scene decide.
-    const NOTHING: [&str; 14] = [
+    const NOTHING: [&str; 15] = [
         "author",
         "bookkeeping.skin",
         "bookkeeping.band_grains",
@@ -310,6 +316,7 @@ fn what_follows_from_other_keys_is_written() {
         "sample.wall_material",
         "sample.large_material",
         "aqs.steps",
+        "output.columns",
     ];
     let mut scenes = [
         "",

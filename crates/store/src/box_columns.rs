@@ -141,7 +141,10 @@ mod tests {
 
     fn table(columns: &[Column]) -> String {
         let mut text = String::from("| column | unit | content |\n| --- | --- | --- |\n");
-        for Column { name, unit, doc } in columns {
+        for Column {
+            name, unit, doc, ..
+        } in columns
+        {
             let unit = match *unit {
                 "1" => "",
                 "m s-1" => "m/s",

@@ -7,13 +7,15 @@ use super::journal::{self, Journal};
 use super::layout::{
     OBSERVABLES, PARAMETERS, PARTICLES, REMOVED, SCALARS, contact_dataset, grain_dataset,
 };
+use super::own_columns;
 use super::part::Part;
 use super::run_reader::owner;
 use super::sound;
 use gshear_analysis::frame_scalars::FrameScalars;
-use gshear_dem::columns::Column;
+use gshear_dem::columns::{Column, joined_names};
 use gshear_dem::failure::{Failure, Result};
 use hdf5::Group;
+use hdf5::types::VarLenUnicode;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -153,6 +155,45 @@ const NO_RUN: &str = "it is not the run.h5 of a run, or damaged";
 const ANOTHER: &str = "another version wrote the file, its protocol imposed velocities alone and this one more, \
      its bottom did not vibrate along x, or output.temperatures has changed: resume with what wrote it or into another folder (--out)";
 
+/// What is wrong with the columns that scenes have declared, of a file and of the run.
+fn other_own_columns(file: &Group, series: &[Column]) -> hdf5::Result<Option<String>> {
+    let parameters = file.group(PARAMETERS)?;
+    let mut stored = String::new();
+    if let Ok(attribute) = parameters.attr(own_columns::ATTRIBUTE) {
+        stored = attribute.read_scalar::<VarLenUnicode>()?.to_string();
+    }
+    let now = own_columns::text(series).unwrap_or_default();
+    if stored == now {
+        return Ok(None);
+    }
+    let [stored, now] = [own_columns::read(&stored), own_columns::read(&now)];
+    let names = |columns: &Option<Vec<Column>>| match columns.as_deref() {
+        None | Some([]) => "none".to_string(),
+        Some(columns) => joined_names(columns, ", "),
+    };
+    let what = if names(&stored) == names(&now) {
+        let mut pairs = stored.iter().flatten().zip(now.iter().flatten());
+        let changed = pairs.find(|(stored, now)| stored != now);
+        changed.map(|(stored, now)| {
+            let described = |column: &Column| format!("{} (unit {})", column.doc, column.unit);
+            format!(
+                "its observable {stored} is {}, and that of this run {}",
+                described(stored),
+                described(now)
+            )
+        })
+    } else {
+        None
+    };
+    let what = what.unwrap_or_else(|| {
+        let [stored, now] = [names(&stored), names(&now)];
+        format!("its observables are {stored}, and those of this run {now}")
+    });
+    Ok(Some(format!(
+        "{what}: [[observable]] begins with a file; resume with those of the file, or into another folder (--out)"
+    )))
+}
+
 /// A file that can be continued.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Continued {
@@ -204,6 +245,9 @@ fn continued(
     let [_, grains, 3] = position.shape()[..] else {
         return Ok(Err("position/value is not [T][N][3]".into()));
     };
+    if let Some(why) = other_own_columns(file, series)? {
+        return Ok(Err(why));
+    }
     let mut others = file.group(OBSERVABLES)?.member_names()?;
     let mut first = None;
     for column in series {

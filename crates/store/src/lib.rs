@@ -65,6 +65,7 @@ mod layout;
 pub mod log;
 pub mod matrix_market;
 pub mod memory;
+mod own_columns;
 mod parameter;
 pub mod part;
 pub mod probe;

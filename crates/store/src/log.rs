@@ -11,25 +11,51 @@ use gshear_dem::failure::{Failure, Result};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
+/// The columns of a log after step and time: some of those of the time series, in their own order.
+#[derive(Debug, Clone, Copy)]
+pub struct LogColumns<'a> {
+    /// Those of the time series.
+    pub series: &'a [Column],
+    /// The places among them of those of the log.
+    pub places: &'a [usize],
+}
+
+impl LogColumns<'_> {
+    fn columns(self) -> impl Iterator<Item = Column> {
+        self.places.iter().map(move |place| self.series[*place])
+    }
+
+    /// The names of all columns.
+    pub fn names(self) -> Vec<&'static str> {
+        let row = self.columns().map(|column| column.name);
+        ["step", "time"].into_iter().chain(row).collect()
+    }
+}
+
 /// Writer of the log. Only rank 0 writes.
-pub struct Log(Option<TableFile>);
+pub struct Log {
+    file: Option<TableFile>,
+    /// The places of its columns in a row of the time series.
+    places: Vec<usize>,
+}
 
 impl Log {
-    /// The names of its columns.
-    pub fn names(columns: &[Column]) -> Vec<&'static str> {
-        let row = columns.iter().map(|column| column.name);
-        ["step", "time"].into_iter().chain(row).collect()
+    fn of(file: Option<TableFile>, columns: LogColumns<'_>) -> Self {
+        Self {
+            file,
+            places: columns.places.to_vec(),
+        }
     }
 
     /// Creates the log, replacing an existing file. Collective.
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn create(exchange: &dyn Exchange, path: &Path, columns: &[Column]) -> Result<Self> {
+    pub fn create(exchange: &dyn Exchange, path: &Path, columns: LogColumns<'_>) -> Result<Self> {
         let file = on_root(exchange, || {
-            TableFile::create(path, &Self::names(columns)).map(Some)
+            TableFile::create(path, &columns.names()).map(Some)
         })?;
-        Ok(Log(file))
+        Ok(Self::of(file, columns))
     }
 
     /// Opens an existing log to continue after the step `last`. Later rows are removed. Collective.
@@ -39,11 +65,11 @@ impl Log {
     pub fn open_to_append(
         exchange: &dyn Exchange,
         path: &Path,
-        columns: &[Column],
+        columns: LogColumns<'_>,
         last: u64,
         rows: u64,
     ) -> Result<Self> {
-        let names = Self::names(columns);
+        let names = columns.names();
         let file = on_root(exchange, || {
             let file = match Self::check(path, columns, last, rows)? {
                 Some(rows) => TableFile::open_to_append(path, &names, rows)?,
@@ -51,7 +77,7 @@ impl Log {
             };
             Ok(Some(file))
         })?;
-        Ok(Log(file))
+        Ok(Self::of(file, columns))
     }
 
     /// Returns the number of rows of a log up to the step `last`; `None` if a
@@ -61,7 +87,12 @@ impl Log {
     ///
     /// # Errors
     /// [`Failure::Input`] if the file has fewer rows or another header.
-    pub fn check(path: &Path, columns: &[Column], last: u64, rows: u64) -> Result<Option<u64>> {
+    pub fn check(
+        path: &Path,
+        columns: LogColumns<'_>,
+        last: u64,
+        rows: u64,
+    ) -> Result<Option<u64>> {
         let stored = rows_up_to(path, last as f64)?;
         if stored.is_none() && rows == 0 {
             return Ok(None);
@@ -77,12 +108,12 @@ impl Log {
         Ok(Some(stored))
     }
 
-    /// Compares the rows up to the step `last` with those of the same steps in `run.h5`. Writes
-    /// nothing. Not collective.
+    /// Compares the rows up to the step `last` with those of the same steps in `run.h5`, whose
+    /// columns at these `places` the log has. Writes nothing. Not collective.
     ///
     /// # Errors
     /// [`Failure::Input`] that names the first line that differs.
-    pub fn compare(path: &Path, last: u64, series: &Series) -> Result<()> {
+    pub fn compare(path: &Path, last: u64, series: &Series, places: &[usize]) -> Result<()> {
         let file = sound::regular(path).map_err(|e| unfit(path, e.to_string()))?;
         let lines = BufReader::new(file).split(b'\n');
         for (number, line) in lines.enumerate().skip(1) {
@@ -94,7 +125,7 @@ impl Log {
             let Ok(row) = series.step.binary_search(&step) else {
                 continue;
             };
-            let numbers = series.columns.iter().map(|column| column[row]);
+            let numbers = places.iter().map(|place| series.columns[*place][row]);
             let wanted: Vec<String> = cells(step, series.time[row], numbers).collect();
             if line != wanted.join(",").as_bytes() {
                 let why = format!(
@@ -113,8 +144,9 @@ impl Log {
     /// # Errors
     /// If the file cannot be written.
     pub fn row(&mut self, step: u64, time: f64, row: &[f64]) -> Result<()> {
-        let cells = cells(step, time, row.iter().copied());
-        self.0.as_mut().map_or(Ok(()), |file| file.row(cells))
+        let numbers = self.places.iter().map(|place| row[*place]);
+        let cells = cells(step, time, numbers);
+        self.file.as_mut().map_or(Ok(()), |file| file.row(cells))
     }
 
     /// Passes the rows to the file system. Not collective: only rank 0 can fail.
@@ -122,7 +154,7 @@ impl Log {
     /// # Errors
     /// If the file cannot be written.
     pub fn flush(&mut self) -> Result<()> {
-        self.0.as_mut().map_or(Ok(()), TableFile::flush)
+        self.file.as_mut().map_or(Ok(()), TableFile::flush)
     }
 
     /// Writes the rows to disk. Not collective: only rank 0 can fail.
@@ -130,7 +162,7 @@ impl Log {
     /// # Errors
     /// If the file cannot be written.
     pub fn sync(&mut self) -> Result<()> {
-        self.0.as_mut().map_or(Ok(()), TableFile::sync)
+        self.file.as_mut().map_or(Ok(()), TableFile::sync)
     }
 }
 
@@ -145,8 +177,11 @@ fn cells(step: u64, time: f64, row: impl Iterator<Item = f64>) -> impl Iterator<
     [step.to_string()].into_iter().chain(numbers.map(shortest))
 }
 
+/// Keys that decide the columns of a log.
+const KEYS_OF_COLUMNS: &str = "output.temperatures, output.columns or [[observable]]";
+
 /// Checks that an existing log has these columns.
-fn check_columns(path: &Path, columns: &[Column]) -> Result<()> {
+fn check_columns(path: &Path, columns: LogColumns<'_>) -> Result<()> {
     let mut line = String::new();
     sound::regular(path)
         .and_then(|file| BufReader::new(file).read_line(&mut line))
@@ -156,12 +191,13 @@ fn check_columns(path: &Path, columns: &[Column]) -> Result<()> {
         let why = "its first line must begin with step,time";
         return Err(unfit(path, why.into()));
     }
-    for column in columns {
+    for column in columns.columns() {
         let name = names.next().unwrap_or("nothing");
         if name != column.name {
             let why = format!(
                 "it lacks the column {column} (found: {name}); another version wrote it, its protocol \
-                 imposed velocities alone and this one more, its bottom did not vibrate along x, or output.temperatures has changed"
+                 imposed velocities alone and this one more, its bottom did not vibrate along x, its cell kept its lengths, or \
+                 {KEYS_OF_COLUMNS} has changed"
             );
             return Err(unfit(path, why));
         }
@@ -169,7 +205,9 @@ fn check_columns(path: &Path, columns: &[Column]) -> Result<()> {
     match names.next() {
         None => Ok(()),
         Some(name) => {
-            let why = format!("its column {name} would not be continued; another version wrote it");
+            let why = format!(
+                "its column {name} would not be continued; another version wrote it, or {KEYS_OF_COLUMNS} has changed"
+            );
             Err(unfit(path, why))
         }
     }
@@ -197,6 +235,21 @@ mod tests {
         SeriesRow::from_columns(numbers)
     }
 
+    const ALL: [usize; SeriesRow::COLUMNS.len()] = {
+        let mut places = [0; SeriesRow::COLUMNS.len()];
+        let mut k = 0;
+        while k < places.len() {
+            places[k] = k;
+            k += 1;
+        }
+        places
+    };
+
+    const COLUMNS: LogColumns<'static> = LogColumns {
+        series: &SeriesRow::COLUMNS,
+        places: &ALL,
+    };
+
     fn text(path: &Path) -> String {
         std::fs::read_to_string(path).unwrap()
     }
@@ -205,7 +258,7 @@ mod tests {
     fn a_changed_digit_is_found() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
-        let mut log = Log::create(&Solo, &path, &SeriesRow::COLUMNS).unwrap();
+        let mut log = Log::create(&Solo, &path, COLUMNS).unwrap();
         (0..5).for_each(|k| log.row(10 * k, 0.1 * k as f64, row(k).as_ref()).unwrap());
         log.flush().unwrap();
         // The first rows stand in the log alone.
@@ -216,7 +269,7 @@ mod tests {
             time: (2..5).map(|k| 0.1 * f64::from(k)).collect(),
             columns: (0..SeriesRow::COLUMNS.len()).map(column).collect(),
         };
-        let compare = |last| Log::compare(&path, last, &series).map_err(|e| e.to_string());
+        let compare = |last| Log::compare(&path, last, &series, &ALL).map_err(|e| e.to_string());
         assert_eq!(compare(40), Ok(()));
         let whole = text(&path);
         let digit = whole.rfind('3').unwrap();
@@ -242,7 +295,7 @@ mod tests {
     fn goes_on_after_the_rows_that_count() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
-        let mut log = Log::create(&Solo, &path, &SeriesRow::COLUMNS).unwrap();
+        let mut log = Log::create(&Solo, &path, COLUMNS).unwrap();
         (0..5).for_each(|k| log.row(k, k as f64, row(k).as_ref()).unwrap());
         log.flush().unwrap();
         let whole = text(&path);
@@ -253,7 +306,7 @@ mod tests {
 
         // As left by a killed program: too many rows, the last one incomplete.
         std::fs::write(&path, format!("{whole}5,0.1")).unwrap();
-        let mut log = Log::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, 2, 3).unwrap();
+        let mut log = Log::open_to_append(&Solo, &path, COLUMNS, 2, 3).unwrap();
         (3..5).for_each(|k| log.row(k, k as f64, row(k).as_ref()).unwrap());
         drop(log);
         assert_eq!(text(&path), whole);
@@ -261,10 +314,10 @@ mod tests {
         // As left before the first line was written: begun again if nothing counts on it.
         for part in ["", "step,ti"] {
             std::fs::write(&path, part).unwrap();
-            let open = |rows| Log::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, 2, rows);
+            let open = |rows| Log::open_to_append(&Solo, &path, COLUMNS, 2, rows);
             assert!(open(1).is_err());
             drop(open(0).unwrap());
-            let names = Log::names(&SeriesRow::COLUMNS).join(",");
+            let names = COLUMNS.names().join(",");
             assert_eq!(text(&path), format!("{names}\n"));
         }
     }
@@ -275,9 +328,9 @@ mod tests {
         let path = folder.path().join("log.csv");
         let open = |names: &str| {
             std::fs::write(&path, format!("{names}\n")).unwrap();
-            Log::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, 0, 0).map(drop)
+            Log::open_to_append(&Solo, &path, COLUMNS, 0, 0).map(drop)
         };
-        let names = Log::names(&SeriesRow::COLUMNS).join(",");
+        let names = COLUMNS.names().join(",");
         assert!(open(&names).is_ok());
         let refused = |names: &str| open(names).unwrap_err().to_string();
         let renamed = names.replace("slip_rate", "rate");
@@ -287,17 +340,40 @@ mod tests {
     }
 
     #[test]
+    fn chosen_columns_keep_their_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        let columns = LogColumns {
+            places: &[3, 0],
+            ..COLUMNS
+        };
+        let mut log = Log::create(&Solo, &path, columns).unwrap();
+        log.row(7, 0.5, row(1).as_ref()).unwrap();
+        drop(log);
+        let [strain, .., shear_force] = row(1).columns()[..4] else {
+            panic!("four columns")
+        };
+        let [strain, shear_force] = [strain, shear_force].map(shortest);
+        let expected = format!("step,time,shear_force,strain\n7,0.5,{shear_force},{strain}\n");
+        assert_eq!(text(&path), expected);
+        assert!(Log::check(&path, columns, 7, 1).is_ok());
+        let said = Log::check(&path, COLUMNS, 7, 1).unwrap_err().to_string();
+        assert!(said.contains("lacks the column strain (found: shear_force)"));
+        assert!(said.contains("output.columns"));
+    }
+
+    #[test]
     fn refuses_a_log_that_does_not_fit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
-        let refuse = |rows| match Log::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, 9, rows) {
+        let refuse = |rows| match Log::open_to_append(&Solo, &path, COLUMNS, 9, rows) {
             Err(Failure::Input(message)) => message,
             _ => panic!("a log that does not fit was accepted"),
         };
         assert!(refuse(0).contains("log.csv"));
         std::fs::write(&path, "a,b\n1,2\n").unwrap();
         assert!(refuse(1).contains("first line"));
-        let mut log = Log::create(&Solo, &path, &SeriesRow::COLUMNS).unwrap();
+        let mut log = Log::create(&Solo, &path, COLUMNS).unwrap();
         (0..2).for_each(|k| log.row(k, 0.0, row(k).as_ref()).unwrap());
         drop(log);
         let fewer = "it has 2 rows up to the step of the checkpoint, which counts 3";

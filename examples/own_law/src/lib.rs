@@ -1,11 +1,12 @@
 //! A contact law of its own: disks whose springs stiffen, with a damper and Coulomb friction. An
-//! adhesion of its own is in [`liquid_bridge`].
+//! adhesion of its own is in [`liquid_bridge`], a column of the time series in [`fabric`].
 //!
 //! ```text
 //! F_n = max(0, k_n δ (1 + a δ/d) - γ_n v_n),   d = R_i + R_j,   γ_n = 2α√(k_n m*)
 //! F_t ← F_t - k_t v_t(t+½Δt) Δt,               |F_t| ≤ μ_s F_n
 //! ```
 
+pub mod fabric;
 pub mod liquid_bridge;
 
 use std::f64::consts::PI;
@@ -23,10 +24,11 @@ use gshear_dem::laws::{Constants, Contact, LawKind, Rigidity};
 use gshear_dem::simd::{Lanes, Lanes16, Mask};
 use gshear_dem::state::Masses;
 
-/// Adds the law and the adhesion to those that scenes can name.
+/// Adds the law, the adhesion and the observable to those that scenes can name.
 pub fn register() {
     gshear_dem::laws::register(&[&KIND]);
     gshear_dem::adhesions::register(&[&liquid_bridge::KIND]);
+    gshear_dem::observables::register(&[&fabric::KIND]);
 }
 
 /// The law as scenes name it.

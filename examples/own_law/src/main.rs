@@ -1,4 +1,4 @@
-//! `gshear-mpi` with one more law and one more adhesion.
+//! `gshear-mpi` with one more law, one more adhesion and one more observable.
 
 use std::process::ExitCode;
 

@@ -18,7 +18,7 @@ from .errors import GshearError, NoSuchNameError, ProgramFailedError, ProgramNot
 from .frames import Contacts, Frame, WallContacts
 from .movies import movie
 from .programs import simulate
-from .run import Frames, Run
+from .run import Frames, Observable, Run
 from .scene import Scene
 from .sweep import Sweep
 
@@ -30,6 +30,7 @@ __all__ = [
     "Frames",
     "GshearError",
     "NoSuchNameError",
+    "Observable",
     "ProgramFailedError",
     "ProgramNotFoundError",
     "Run",

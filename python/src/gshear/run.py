@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import operator
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -94,6 +95,14 @@ class _Stored(NamedTuple):
     periodic: tuple[bool, bool, bool]
 
 
+class Observable(NamedTuple):
+    """A column of the time series that the scene declares."""
+
+    name: str
+    unit: str  # as the scene gives it; "1" without a unit
+    definition: str
+
+
 class Run:
     """A run: frames and time series of a `run.h5`.
 
@@ -160,6 +169,8 @@ class Run:
     def stage(self) -> str:
         """`shear`, `aqs` (strain steps) or `newtonian` (Newton's equations after them)."""
         columns = self._series_units()
+        if "stress_ratio" in columns:  # beside which a scene may declare any others
+            return "shear"
         return (
             "newtonian" if "msd" in columns else "aqs" if "factorisations" in columns else "shear"
         )
@@ -255,11 +266,13 @@ class Run:
         """The time series, one line per row, with `step`, `time` and the columns of the file.
 
         `series.attrs["units"]` has the units by column, as the file has them; pure numbers have
-        none. While a run between walls is under way, the values come from `log.csv`, which is
-        written row by row.
+        none. Columns that the scene declares (`[[observable]]`) come last; `observables` describes
+        them. While a run between walls is under way, the values come from `log.csv`, which is
+        written row by row, unless `output.columns` has chosen some of its columns.
         """
         log = self.folder / "log.csv"
-        if self.stage == "shear" and log.is_file() and not self.finished:
+        is_whole = "output.columns" not in self.scene
+        if self.stage == "shear" and log.is_file() and is_whole and not self.finished:
             units = {name: unit for name, unit in self._series_units().items() if unit}
             table = complete_lines(log)
             if missing := [name for name in units if len(table) and name not in table]:
@@ -267,6 +280,18 @@ class Run:
             return with_units(table, units)
         stored: pd.DataFrame = self._once("series", self._read_series)
         return with_units(stored.copy(), stored.attrs["units"])
+
+    @property
+    def observables(self) -> list[Observable]:
+        """The columns of `series` that the scene declares, in their order; empty without any."""
+
+        def read(file: h5py.Group) -> list[Observable]:
+            stored = file["parameters"].attrs.get("observables")
+            if stored is None:
+                return []
+            return [Observable(**column) for column in json.loads(_python(stored))]
+
+        return list(self._once("observables", read))
 
     def mean(self, column: str, *, start: float = 0.5) -> TimeMean:
         """Returns the mean of a column of the time series over the later rows, with its error.
@@ -297,6 +322,11 @@ class Run:
                 name: elements[name]
                 for name in sorted(elements, key=lambda n: order.index(n) if n in order else -1)
             }
+        own = [observable.name for observable in self.observables]
+        elements = {
+            name: elements[name]
+            for name in [*(n for n in elements if n not in own), *(n for n in own if n in elements)]
+        }
         columns: dict[str, Any] = {}
         for name, element in elements.items():
             if not columns:

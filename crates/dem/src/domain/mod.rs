@@ -2,11 +2,14 @@
 //! `gshear-mpi-exchange`.
 
 mod exact_sum;
+mod long_sum;
 mod slabs;
 mod solo;
 
 pub use exact_sum::{Accumulator, FixedPoint};
 pub(crate) use exact_sum::{LIMBS, MOST_COUNTED, nearest_whole};
+pub use long_sum::LongSum;
+pub(crate) use long_sum::WORDS;
 pub use slabs::Slabs;
 pub(crate) use slabs::most_ranks;
 pub use solo::Solo;

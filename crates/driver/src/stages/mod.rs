@@ -5,6 +5,7 @@ mod box_state;
 mod deform;
 pub(crate) mod eigenvalues;
 pub(crate) mod newtonian;
+mod own_columns;
 mod pack;
 pub(crate) mod prepare;
 mod quasi_static;

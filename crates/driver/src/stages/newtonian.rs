@@ -84,6 +84,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
         }
         let format = Format {
             name: NEWTONIAN_PART,
+            log_columns: &[],
             columns: &NewtonianRow::COLUMNS,
             attributes: attributes(scene, strain, &progress),
             height: None,

@@ -11,6 +11,7 @@ use gshear_dem::drive::{LateralLengths, LateralState, MovingBoundary, Slider, To
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::fluctuations::{self, Scales};
 use gshear_dem::kernel::PairForce;
+use gshear_dem::observables::SampleView;
 use gshear_dem::observe::{self, RowInput, SampleConstants};
 use gshear_dem::profile::RankProfile;
 use gshear_dem::state::{Cell, GrainState, SeriesRow, Snapshot, body};
@@ -21,6 +22,7 @@ use gshear_scene::{Motion, PlaneShear, RunStage, Scene};
 use gshear_store::h5::Attribute;
 
 use super::assembly::Assembly;
+use super::own_columns::OwnColumns;
 use super::top_wall::mass_of;
 use crate::files::{Files, Format, TimePoint};
 use crate::header::{Header, PartEnd, ShearHeader, TimeOrigin, UpToCheckpoint};
@@ -46,6 +48,8 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     frame: SampleConstants,
     /// Scales for the temperatures, if these are recorded.
     scales: Option<Scales>,
+    /// Columns that the scene declares, if it does.
+    own_columns: Option<OwnColumns>,
     /// Mass of the free grains (kg; kg/m in 2D).
     mass: f64,
     files: Files,
@@ -136,11 +140,13 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             }
             system.budget = Some(budget);
         }
+        let own_columns = OwnColumns::of(scene, plane_shear, schedule.columns);
         run.terminal
             .shearing(scene, plane_shear, &schedule, from.step);
         let format = Format {
             name: part_of(&scene.stages, RunStage::Shear),
             columns: schedule.columns,
+            log_columns: &schedule.log_columns,
             attributes: attributes(scene, plane_shear, &schedule),
             height: Some(schedule.height),
             analysed: state.analysed,
@@ -156,6 +162,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             boundary,
             frame,
             scales,
+            own_columns,
             mass,
             files,
             step: from.step,
@@ -435,6 +442,33 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         (row, values)
     }
 
+    /// Appends the columns that the scene declares to a row of the time series. Collective.
+    fn append_own(
+        &mut self,
+        exchange: &dyn Parallel,
+        time: f64,
+        row: &SeriesRow,
+        values: &mut Vec<f64>,
+    ) {
+        let Some(own) = &self.own_columns else { return };
+        let is_periodic = self.boundary.kind().is_periodic();
+        let mut lengths = [1.0; 3];
+        lengths[..D::UP].copy_from_slice(&self.assembly.system.cell.periods[..D::UP]);
+        lengths[D::UP] = row.wall_height;
+        let view = SampleView {
+            dimension: self.scene.dimension,
+            time,
+            lengths,
+            bottom: if is_periodic {
+                0.0
+            } else {
+                self.boundary.bottom(own.bottom_thickness())
+            },
+            is_periodic,
+        };
+        own.append(exchange, &mut self.assembly, view, values);
+    }
+
     /// The Lees–Edwards offset (m) and the velocity (m/s) of images.
     fn images(&self) -> Option<[f64; 2]> {
         let sheared = self.assembly.system.cell.sheared;
@@ -515,9 +549,10 @@ impl<'a, D: Dimension> Stage<'a, D> for ShearStage<'a, D> {
         }
         let is_checked = self.schedule.check_due(step);
         if due.row || is_checked {
-            let (row, values) = self.measure(exchange);
+            let (row, mut values) = self.measure(exchange);
             if due.row {
                 self.latest = Some(row);
+                self.append_own(exchange, at.time, &row, &mut values);
                 self.files.row(exchange, at, &values)?;
             }
             if is_checked {

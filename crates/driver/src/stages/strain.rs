@@ -102,6 +102,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
         });
         let format = Format {
             name: part_of(&scene.stages, RunStage::Strain),
+            log_columns: &[],
             columns: strain_columns(quasi_static.deformation.is_protocol()),
             attributes: vec![("mean_diameter", scene.sample.mean_diameter.into())],
             height: None,

@@ -258,11 +258,18 @@ pub fn runs(a: &RunFile, b: &RunFile) -> Result<Comparison> {
 
     let rows: Vec<[usize; 2]> = (0..rows).map(|row| [row; 2]).collect();
     comparison.fields.extend(series(a, b, &rows));
+    for (one, other) in [(a, b), (b, a)] {
+        let declared = one.series().declared.iter();
+        let alone = declared.filter(|column| !other.series().has(column.name));
+        let path = one.path().display();
+        let lines = alone.map(|column| format!("column {column}: only in {path}"));
+        comparison.asides.extend(lines);
+    }
     Ok(comparison)
 }
 
-/// Compares the time series in these rows of the one and of the other run; places are rows of the
-/// first.
+/// Compares the time series in these rows of the one and of the other run, the columns that both
+/// have; places are rows of the first.
 pub fn series(a: &RunFile, b: &RunFile, rows: &[[usize; 2]]) -> Vec<FieldComparison> {
     let (a, b) = (a.series(), b.series());
     let steps = [a, b].map(|series| series.step.iter().map(|step| *step as f64));
@@ -271,7 +278,7 @@ pub fn series(a: &RunFile, b: &RunFile, rows: &[[usize; 2]]) -> Vec<FieldCompari
         ("series step", &a_steps[..], &b_steps[..]),
         ("series time", &a.time, &b.time),
     ];
-    for column in a.declared {
+    for column in a.declared.iter().filter(|column| b.has(column.name)) {
         columns.push((column.name, a.column(column.name), b.column(column.name)));
     }
     let fields = columns.into_iter().map(|(name, x, y)| {

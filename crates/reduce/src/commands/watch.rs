@@ -156,7 +156,7 @@ struct Curves {
     log: Tail,
     strains: StrainSteps,
     /// Names of the curves, and of what they are drawn over.
-    names: [&'static str; 2],
+    names: [String; 2],
     over: &'static str,
     points: [Vec<[f64; 2]>; 2],
 }
@@ -172,7 +172,7 @@ impl Curves {
                 path: folder.join(RUN_FILE),
                 ..StrainSteps::default()
             },
-            names: ["tau", "phi"],
+            names: ["tau", "phi"].map(String::from),
             over: "strain",
             points: [Vec::new(), Vec::new()],
         }
@@ -188,15 +188,20 @@ impl Curves {
         // Strain steps write no log, but may follow a shear.
         let strains = status.is_some_and(|status| status.progress.stage == RunStage::Strain.name());
         if !self.log.rows.is_empty() && !strains {
-            let names = ["strain", "time", "stress_ratio", "solid_fraction"];
-            let [strain, time, tau, phi] = names.map(|name| self.log.column(name));
-            let (over, x) = if returns(&strain) || stands_still(&strain) {
+            let [strain, time] = ["strain", "time"].map(|name| self.log.column(name));
+            let (over, x) = if strain.is_empty() || returns(&strain) || stands_still(&strain) {
                 ("time", time)
             } else {
                 ("strain", strain)
             };
-            (self.names, self.over) = (["tau", "phi"], over);
-            self.points = [tau, phi].map(|y| x.iter().zip(y).map(|(x, y)| [*x, y]).collect());
+            self.over = over;
+            let drawn = self.log.drawn();
+            self.points = [0, 1].map(|k| {
+                let y = drawn.get(k).map(|name| self.log.column(name));
+                let points = x.iter().zip(y.unwrap_or_default());
+                points.map(|(x, y)| [*x, y]).collect()
+            });
+            self.names = [0, 1].map(|k| symbol(drawn.get(k).copied().unwrap_or_default()));
             return Ok(());
         }
         let Some(status) = status else { return Ok(()) };
@@ -208,7 +213,7 @@ impl Curves {
         } else {
             ("strain", strain)
         };
-        (self.names, self.over) = (["stress", ""], over);
+        (self.names, self.over) = (["stress", ""].map(String::from), over);
         self.points[0] = x.into_iter().zip(stress).map(|(x, y)| [x, y]).collect();
         Ok(())
     }
@@ -230,7 +235,7 @@ impl Curves {
 
     /// The lines of the picture of a curve.
     fn picture(&self, k: usize, size: [usize; 2]) -> Vec<String> {
-        let (points, name) = (&self.points[k], self.names[k]);
+        let (points, name) = (&self.points[k], &self.names[k]);
         plot(points, name, self.over, size, speaks_utf8())
     }
 }
@@ -242,6 +247,16 @@ fn speaks_utf8() -> bool {
     let value = values.find(|value| !value.is_empty());
     let value = value.unwrap_or_default().to_lowercase();
     value.contains("utf-8") || value.contains("utf8")
+}
+
+/// What a column is called in a picture.
+fn symbol(column: &str) -> String {
+    match column {
+        "stress_ratio" => "tau",
+        "solid_fraction" => "phi",
+        other => other,
+    }
+    .into()
 }
 
 /// Whether there is no shear, as below a free surface.
@@ -333,6 +348,23 @@ impl Tail {
             Some(column) => self.rows.iter().map(|row| row[column]).collect(),
             None => Vec::new(),
         }
+    }
+
+    /// The two columns that are drawn: stress ratio and solid fraction; where `output.columns` has
+    /// left out one of them, the first others.
+    fn drawn(&self) -> Vec<&str> {
+        let names = self.names.iter().map(String::as_str);
+        let usual = ["stress_ratio", "solid_fraction"];
+        let (first, others): (Vec<&str>, Vec<&str>) = names.partition(|name| usual.contains(name));
+        let clock = ["step", "time", "strain"];
+        let others = others.into_iter().filter(|name| !clock.contains(name));
+        let mut drawn: Vec<&str> = usual
+            .into_iter()
+            .filter(|name| first.contains(name))
+            .collect();
+        drawn.extend(others);
+        drawn.truncate(2);
+        drawn
     }
 
     /// Reads the complete lines that are new; a file that cannot be read has none.

@@ -157,9 +157,27 @@ pub fn write_figure_data(path: &Path, csv: &str, axes: usize) -> Result<()> {
 /// # Errors
 /// If a file cannot be written.
 pub fn write_described(kind: &str, path: &Path, csv: &str, axes: usize) -> Result<()> {
+    write_described_with(kind, path, csv, &[], axes)
+}
+
+/// [`write_figure_data`] of columns that say more exactly what the dictionary says.
+///
+/// # Errors
+/// Likewise.
+pub fn write_figure_data_with(path: &Path, csv: &str, own: &[Column], axes: usize) -> Result<()> {
+    write_described_with(OF_FIGURES, path, csv, own, axes)
+}
+
+fn write_described_with(
+    kind: &str,
+    path: &Path,
+    csv: &str,
+    own: &[Column],
+    axes: usize,
+) -> Result<()> {
     text_writer::write(path, csv)?;
     let names: Vec<&str> = csv.lines().next().unwrap_or_default().split(',').collect();
-    write_metadata(kind, path, &names, axes)
+    write_metadata_with(kind, path, &names, own, axes)
 }
 
 /// Tables with columns of other tables, and keys of scenes.

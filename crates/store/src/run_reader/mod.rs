@@ -273,7 +273,7 @@ impl RunFile {
         let boundary = source.boundary(&parameters, &grains)?;
         let finished = parameters.contains_key("digest");
         let columns = match stage {
-            RunStage::Shear => source.columns_of_shear(boundary),
+            RunStage::Shear => source.columns_of_shear(boundary, &parameters)?,
             RunStage::Strain => strain_columns(source.has_row(&StrainProtocolRow::COLUMNS)),
             RunStage::Newtonian => series_columns(stage),
         };

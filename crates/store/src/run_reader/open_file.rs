@@ -1,6 +1,6 @@
 //! Reads single objects of a file, checks their shape, and makes the messages about them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::io::Read as _;
 use std::path::Path;
@@ -16,6 +16,7 @@ use crate::layout::{
     ContactTable, EDGES_VALUE, FrameFormat, OBSERVABLES, PARAMETERS, PARTICLES, Quantity, SCALARS,
     grain_dataset, of_contact,
 };
+use crate::own_columns;
 use crate::parameter::attributes;
 use crate::part::{OpenPart, Part, groups};
 use crate::sound::{self, ReadFile};
@@ -24,7 +25,7 @@ use gshear_dem::boundary::{
     Boundary, FLAT_WALLS, FREE_SURFACE, FREE_SURFACE_ABOVE_PLANE, FurtherColumns, PERIODIC,
     ROUGH_WALLS,
 };
-use gshear_dem::columns::Column;
+use gshear_dem::columns::{Column, kept};
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{
     BottomRow, FlowRow, GrainConstants, ImposedRow, LateralRow, TemperatureRow, body,
@@ -292,14 +293,33 @@ impl<'a> OpenFile<'a> {
         })
     }
 
-    /// Columns of the time series of a shear with this boundary.
-    pub(super) fn columns_of_shear(&self, boundary: &'static Boundary) -> &'static [Column] {
-        boundary.series_columns(FurtherColumns {
+    /// Columns of the time series of a shear with this boundary, those of its scene last.
+    pub(super) fn columns_of_shear(
+        &self,
+        boundary: &'static Boundary,
+        parameters: &Parameters,
+    ) -> Result<&'static [Column]> {
+        let of_program = boundary.series_columns(FurtherColumns {
             imposed: self.has_row(&ImposedRow::COLUMNS),
             lateral: self.has_row(&LateralRow::COLUMNS),
             bottom: self.has_row(&BottomRow::COLUMNS),
             temperatures: self.has_row(&TemperatureRow::COLUMNS),
-        })
+        });
+        let own = match parameters.get(own_columns::ATTRIBUTE) {
+            None => return Ok(of_program),
+            Some(Parameter::Text(text)) => own_columns::read(text),
+            Some(_) => None,
+        };
+        let own = own.filter(|own| {
+            let mut names = BTreeSet::new();
+            let mut all = of_program.iter().chain(own);
+            all.all(|column| names.insert(column.name))
+        });
+        let Some(own) = own else {
+            let object = format!("parameters: {}", own_columns::ATTRIBUTE);
+            return Err(self.wrong(&object, "does not hold columns of the time series"));
+        };
+        Ok(kept(&[of_program, &own].concat()))
     }
 
     /// Whether the time series has the columns of a row, which are there together.

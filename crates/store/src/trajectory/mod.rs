@@ -13,6 +13,7 @@ use crate::layout::{
     self, CHUNK_FRAMES, Datasets, MASS, OpenMode, PARAMETERS, PARTICLES, RADIUS, describe,
 };
 pub use crate::layout::{FileContent, FrameFormat, frame_bytes};
+use crate::own_columns;
 use crate::part::{Part, groups_after};
 use crate::row_table::RowTable;
 pub use crate::run_header::{GrainShape, RunHeader};
@@ -75,6 +76,9 @@ impl TrajectoryWriter {
         let mut attributes = named(header.attributes);
         attributes.push(("boundary".into(), header.boundary.name.into()));
         attributes.push(("edges".into(), Attribute::Numbers(header.edges.to_vec())));
+        if let Some(columns) = own_columns::text(header.series) {
+            attributes.push((own_columns::ATTRIBUTE.into(), Attribute::Text(columns)));
+        }
         // HDF5 requires equal arguments.
         let attributes = of_root(exchange, &attributes);
         let author = of_root(exchange, &header.author.to_string());
