@@ -306,6 +306,10 @@ pub const WALLS_KEYS: [&str; 4] = ["layers", "types", "flat", "flat-top"];
 
 /// Columns of the time series that not every scene with a boundary has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each says whether some columns are there"
+)]
 pub struct FurtherColumns {
     /// Those of [`ImposedRow`] ([`Boundary::shows_imposed`]).
     pub imposed: bool,

@@ -681,14 +681,19 @@ impl<L: Lanes> StressCount<L> {
     fn new<D: Dimension>(token: L::Token, pass: &Pass<'_, D>) -> Option<Self> {
         let counting = pass.input.counting?;
         let unit = pass.input.units.force;
-        let per_unit = |length: f64| L::splat(token, 1.0 / (length * unit));
-        let lateral = counting.lateral.map(|lengths| LateralCounts {
-            per_unit: [per_unit(lengths[0]), per_unit(lengths[1])],
-            counts: [L::no_counts(token), L::no_counts(token)],
-        });
+        let mut lateral = None;
+        if let Some([x, y]) = counting.lateral {
+            lateral = Some(LateralCounts {
+                per_unit: [
+                    L::splat(token, 1.0 / (x * unit)),
+                    L::splat(token, 1.0 / (y * unit)),
+                ],
+                counts: [L::no_counts(token), L::no_counts(token)],
+            });
+        }
         Some(Self {
             owned: pass.part.owned_blocks.saturating_sub(pass.part.first),
-            per_unit: per_unit(counting.height?),
+            per_unit: L::splat(token, 1.0 / (counting.height? * unit)),
             up: L::no_counts(token),
             along: L::no_counts(token),
             lateral,
