@@ -493,8 +493,8 @@ impl Boundary {
     }
 
     /// Columns of the time series: those of [`SeriesRow`], of [`ImposedRow`] and [`BottomRow`] if
-    /// there are some, of [`StressRow`] if there are no walls, of [`FlowRow`] below a free surface, and of
-    /// [`LateralRow`] and [`TemperatureRow`] if there are some.
+    /// there are some, of [`StressRow`] if there are no walls, of [`FlowRow`] below a free surface,
+    /// and of [`LateralRow`] and [`TemperatureRow`] if there are some.
     pub fn series_columns(&self, further: FurtherColumns) -> &'static [Column] {
         type OfKind = Vec<(FurtherColumns, Vec<Column>)>;
         static ALL: LazyLock<Vec<OfKind>> = LazyLock::new(|| {

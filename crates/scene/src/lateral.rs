@@ -5,8 +5,8 @@ use gshear_dem::dimension::Dimensions;
 use gshear_dem::laws::keys::Key;
 use gshear_dem::protocol::{Course, Lateral, LateralAxis, Part};
 
+use crate::part_keys::PART;
 use crate::part_values::PartValues;
-use crate::protocol::PART;
 
 /// The keys of an axis.
 struct AxisKeys {

@@ -70,6 +70,7 @@ mod observables;
 mod output;
 mod overrides;
 pub mod packing;
+mod part_keys;
 mod part_values;
 mod protocol;
 mod quasi_static;
