@@ -5,9 +5,9 @@
 
 Brings a packing to its stress, then appends a probe of the given size (k_n) in each of 16
 directions of the plane of stress_yy and stress_xx to a copy of that run. Writes OUT/probes.csv: the
-strains of each probe. Prints, for each seed, the greatest and least length of the strain over that of the
-stress times k_n, their directions, and the strains of opposite probes over each other. GSHEAR_MPI
-names the program.
+strains of each probe. Prints, for each seed, the greatest and least length of the strain over that
+of the stress times k_n, their directions, and the strains of opposite probes over each other.
+GSHEAR_MPI names the program.
 """
 
 from __future__ import annotations
