@@ -271,7 +271,7 @@ pub static PERIODIC: Boundary = Boundary {
         },
         Meaning {
             column: "imposed_normal_force",
-            doc: "N imposed on the cell, or the mean stress times the base at the start; NaN while the height is driven",
+            doc: "N imposed on the cell; NaN while the velocity of its height or the mean stress is imposed",
         },
         Meaning {
             column: "imposed_shear_force",

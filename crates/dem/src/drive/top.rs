@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{WallForces, WallSteps};
-use crate::protocol::{Protocol, Segment};
+use crate::protocol::{Lateral, Protocol, Segment};
 
 /// The rigid body on top, along the last axis: m_w ÿ = F_y - N - c ẏ, by the Verlet scheme of the
 /// grains. SI units; per unit depth in 2D. Of a cell without walls also the end of a lateral axis
@@ -318,9 +318,10 @@ impl Top {
     pub fn imposed(&self) -> [f64; 2] {
         let now = self.slider.state.step;
         let segment = self.slider.protocol.segment_before(now);
-        let load = match segment.imposed.normal {
-            None => Some(self.piston.load),
-            Some(_) => segment.load(now),
+        let load = match (segment.imposed.normal, segment.imposed.lateral) {
+            (_, Some(Lateral::Isotropic)) => None,
+            (None, _) => Some(self.piston.load),
+            (Some(_), _) => segment.load(now),
         };
         [load, segment.force(now)].map(|force| force.unwrap_or(f64::NAN))
     }
