@@ -195,19 +195,23 @@ fn of_disks() {
     ends(&DISKS, &parts, 3);
 }
 
+/// The first parts of runs under a spring.
+const UP_TO_A_STRENGTH: Part = Part {
+    imposed: "velocity = 3",
+    time: 5e-4,
+    until: &[("until_stress_ratio_above", 0.05)],
+};
+const UP_TO_A_DROP: Part = Part {
+    imposed: "velocity = 3, pressure = 1.1e5",
+    time: 4e-4,
+    until: &[("until_drop", 0.005)],
+};
+
 #[test]
 fn of_spheres_under_a_spring() {
     let parts = [
-        Part {
-            imposed: "velocity = 3",
-            time: 5e-4,
-            until: &[("until_stress_ratio_above", 0.05)],
-        },
-        Part {
-            imposed: "velocity = 3, pressure = 1.1e5",
-            time: 4e-4,
-            until: &[("until_drop", 0.005)],
-        },
+        UP_TO_A_STRENGTH,
+        UP_TO_A_DROP,
         Part {
             imposed: "velocity = 0, pressure = 1.1e5",
             time: 2e-4,
@@ -244,16 +248,8 @@ fn of_disks_without_walls() {
 fn an_end_is_replayed() {
     let folder = tempfile::tempdir().expect("a folder");
     let parts = [
-        Part {
-            imposed: "velocity = 3",
-            time: 5e-4,
-            until: &[("until_stress_ratio_above", 0.05)],
-        },
-        Part {
-            imposed: "velocity = 3, pressure = 1.1e5",
-            time: 4e-4,
-            until: &[("until_drop", 0.005)],
-        },
+        UP_TO_A_STRENGTH,
+        UP_TO_A_DROP,
         Part {
             imposed: "velocity = 0, pressure = 1.1e5",
             time: 1e-4,

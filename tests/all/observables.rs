@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::common::crossing::SCENE;
+use crate::common::crossing::{PACKED, SCENE};
 use crate::common::{Outcome, gshear_mpi, program, reducer, same_run, succeed};
 use gshear_dem::state::{ContactSample, Frame};
 use gshear_scene::{PlaneShear, Scene, Source};
@@ -99,6 +99,8 @@ struct Case {
     name: &'static str,
     /// The path of a base, or a whole scene.
     base: &'static str,
+    /// Keys by which it begins with its sample.
+    sample: &'static [&'static str],
     set: &'static [&'static str],
     axes: usize,
 }
@@ -109,20 +111,8 @@ const SPHERES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossin
 const DISKS: Case = Case {
     name: "disks",
     base: SCENE,
-    set: &[
-        concat!(
-            "sample.packing=",
-            env!("CARGO_MANIFEST_DIR"),
-            "/tests/scenes/crossing.data"
-        ),
-        "sample.grains=none",
-        "sample.radius_min=none",
-        "sample.radius_max=none",
-        "sample.length=none",
-        "pack.tolerance=none",
-        "shear.strain=0.3",
-        "output.frame_strain=0.05",
-    ],
+    sample: &PACKED,
+    set: &["shear.strain=0.3", "output.frame_strain=0.05"],
     axes: 2,
 };
 
@@ -131,12 +121,14 @@ const CASES: [Case; 4] = [
     Case {
         name: "spheres",
         base: SPHERES,
+        sample: &[],
         set: &["sample.walls=flat", "output.frame_rows=4"],
         axes: 3,
     },
     Case {
         name: "cell",
         base: SPHERES,
+        sample: &[],
         set: &[
             "sample.boundary=periodic",
             "load.gravity=none",
@@ -155,6 +147,7 @@ const CASES: [Case; 4] = [
             shear.protocol = [{ time = 0.02 }]
             output = { series_rows = 50, frame_rows = 5 }
         ",
+        sample: &[],
         set: &[],
         axes: 2,
     },
@@ -177,7 +170,8 @@ impl Case {
 
     fn arguments(&self, scene: &Path, further: &[&str]) -> Vec<String> {
         let mut arguments = vec![scene.display().to_string()];
-        arguments.extend(self.set.iter().map(|set| format!("--set={set}")));
+        let set = self.sample.iter().chain(self.set);
+        arguments.extend(set.map(|set| format!("--set={set}")));
         arguments.extend(further.iter().map(ToString::to_string));
         arguments
     }

@@ -1,4 +1,4 @@
-//! A packing from a file in place of inserted grains: what the file says, as the grains of a run.
+//! A packing from a file instead of inserted grains: what the file says, as the grains of a run.
 
 mod cell;
 pub mod contacts;

@@ -4,6 +4,7 @@ use std::ops::Bound;
 
 use gshear_dem::laws::keys::{ANY, Bounds, POSITIVE};
 
+use crate::part_values::STRAIN;
 use crate::table::table;
 
 /// A phase in degrees.
@@ -64,13 +65,13 @@ table! {
         stress_xx_end: Number(POSITIVE) { unit: "Pa" },
         /// without walls: natural strain of the length over the part, at a constant rate,
         /// compression positive
-        strain_xx: Number(ANY) {},
+        strain_xx: Number(STRAIN) {},
         /// in 3D the same along y
         stress_yy: Number(POSITIVE) { unit: "Pa" },
         /// the stress at the end of a linear ramp
         stress_yy_end: Number(POSITIVE) { unit: "Pa" },
         /// in 3D natural strain of the width over the part
-        strain_yy: Number(ANY) {},
+        strain_yy: Number(STRAIN) {},
         /// vibration of the bottom wall along its normal, with `bottom_frequency`
         bottom_amplitude: Number(POSITIVE) { unit: "m" },
         /// of the bottom wall

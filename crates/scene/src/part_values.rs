@@ -1,10 +1,18 @@
 //! The values of a part of a protocol, and which of them go together.
 
-use gshear_dem::laws::keys::{Key, Values};
+use std::ops::Bound;
+
+use gshear_dem::laws::keys::{Bounds, Key, Values};
 
 use crate::table::Table;
 use crate::value::refusal;
 use crate::words::show;
+
+/// Natural strains beyond which a part is refused: e² times as long is no packing any more.
+pub(crate) const STRAIN: Bounds = Bounds {
+    from: Bound::Included(-2.0),
+    to: Bound::Included(2.0),
+};
 
 /// Which keys of a part go together.
 pub(crate) struct PartRules {

@@ -6,15 +6,10 @@ use std::ops::Bound;
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::laws::keys::{ANY, Bounds, Key, POSITIVE};
 
-use crate::part_values::{PartRules, PartValues};
+use crate::part_values::{PartRules, PartValues, STRAIN};
 use crate::table::table;
 use crate::words::show;
 
-/// Natural strains beyond which a part is refused: e² times as long is no packing any more.
-const STRAIN: Bounds = Bounds {
-    from: Bound::Included(-2.0),
-    to: Bound::Included(2.0),
-};
 /// Whole numbers.
 const COUNT: Bounds = Bounds {
     from: Bound::Included(1.0),

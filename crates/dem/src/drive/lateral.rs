@@ -3,10 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Piston, Servo};
-use crate::contact::portable_exp;
 use crate::dimension::Dimension;
 use crate::protocol::{Lateral, LateralAxis, Protocol, Segment};
-use crate::state::Cell;
+use crate::state::{Cell, strained};
 
 /// The lengths of a cell along the axes across its height, L_x and in 3D L_y. A stress moves a
 /// length as the load moves the height: m_a d²L_a/dt² = A_a (σ_aa - P_a), or by a servo. A_a is the
@@ -194,7 +193,7 @@ impl LateralLengths {
                 LateralAxis::Fixed => {}
                 LateralAxis::Stress(_) => piston.half_kick_and_drift(step),
                 LateralAxis::Strain(_) => {
-                    piston.height *= portable_exp(-Self::strain_of_step(segment, axis));
+                    piston.height = strained(piston.height, Self::strain_of_step(segment, axis));
                 }
             }
             *grew = piston.height - before;

@@ -437,7 +437,7 @@ impl<'t> Parser<'t> {
         Some(number)
     }
 
-    /// A name: letters, digits and underscores, of which the first is no digit.
+    /// A name: letters, digits and underscores; it does not start with a digit.
     fn name(&mut self) -> &'t str {
         self.skip_spaces();
         let rest = self.rest();

@@ -1,6 +1,7 @@
 //! The cell: periodic along all axes but the last, along which there are walls, or periodic along
 //! all axes and sheared.
 
+use crate::contact::portable_exp;
 use crate::dimension::Dimension;
 use crate::simd::{Lanes, Mask};
 
@@ -293,6 +294,15 @@ impl Cell {
         let whole = sheared.offset + by;
         sheared.offset = nearest_image(whole, period);
         ((whole - sheared.offset) / period).round() as i64
+    }
+}
+
+/// A length after this natural strain, compression positive.
+pub fn strained(length: f64, strain: f64) -> f64 {
+    if strain < 0.0 {
+        length / portable_exp(strain)
+    } else {
+        length * portable_exp(-strain)
     }
 }
 

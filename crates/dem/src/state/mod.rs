@@ -28,7 +28,7 @@ mod snapshot;
 
 pub(crate) use bands::BandSize;
 pub use bands::Bands;
-pub use cell::{BoxEdges, Cell, Image, Sheared, Stretching, length, nearest_image};
+pub use cell::{BoxEdges, Cell, Image, Sheared, Stretching, length, nearest_image, strained};
 pub use contacts::{
     BlockRange, CandidatePair, Contacts, LocalGrains, OtherBlocks, Remembered, Share, ShareBand,
     Touching,

@@ -4,6 +4,7 @@
 use gshear_dem::contact::portable_exp;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::{Failure, Result};
+use gshear_dem::state::strained;
 
 use super::assembly::RestState;
 use super::box_state::{Observed, volume_of_cell};
@@ -280,15 +281,6 @@ impl Beyond {
             change: left,
             ..self
         })
-    }
-}
-
-/// A length after this natural strain, compression positive.
-fn strained(length: f64, strain: f64) -> f64 {
-    if strain < 0.0 {
-        length / portable_exp(strain)
-    } else {
-        length * portable_exp(-strain)
     }
 }
 
