@@ -28,6 +28,7 @@ fn main() -> Result<()> {
         density: 2500.0,
         damping_ratio: 0.1,
         sliding_damping: 0.0,
+        ageing: None,
     };
     let contact = Contact {
         friction: 0.5,

@@ -44,6 +44,7 @@ MODULES = ("__init__", "analysis", "plots", "mdanalysis")
 # What laws have beside them: file and title; the adhesions follow the second.
 BESIDE_LAWS = {
     "laws/rolling_spheres.rs": "rolling and twisting of spheres",
+    "laws/ageing.rs": "friction that grows with the age",
     "adhesions/mod.rs": "adhesion",
     "laws/mixture.rs": "several materials",
 }

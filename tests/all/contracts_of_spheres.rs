@@ -114,6 +114,7 @@ fn spheres_under_a_spring_keep_the_contracts() {
     // Attraction, which depends on the radii and jumps in the steps of touch and of opening; that
     // of JKR holds grains together that no longer overlap. Tsuji's dampers, which exceed Coulomb's
     // limit at most touches and set springs back to their bound. Springs that remember their force.
+    // Friction that grows with the age.
     let energy = "--set=contact.surface_energy=2.0";
     let tsuji = [
         "--set=contact.law=hertz-tsuji",
@@ -122,8 +123,14 @@ fn spheres_under_a_spring_keep_the_contracts() {
         "--set=contact.restitution=0.7",
         "--set=contact.tangential_damping_ratio=2.0",
     ];
+    let ageing = [
+        "--set=contact.ageing=0.1",
+        "--set=contact.ageing_time=1e-6",
+        "--set=contact.ageing_slip=1e-6",
+    ];
     let cases = [
-        ("held", &[energy, "--set=contact.adhesion=dmt"][..]),
+        ("ageing", &ageing[..]),
+        ("held", &[energy, "--set=contact.adhesion=dmt"]),
         ("adhering", &[energy, "--set=contact.adhesion=jkr"]),
         ("damped", &tsuji),
         ("rescaled", &["--set=contact.tangential_history=force"]),

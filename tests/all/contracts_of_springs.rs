@@ -22,6 +22,14 @@ fn linear_springs_keep_the_contracts() {
         ("full", &[][..]),
         ("sliding", &["contact.rolling_friction=0"]),
         ("damped", &["contact.sliding_damping=0.6"]),
+        (
+            "ageing",
+            &[
+                "contact.ageing=0.1",
+                "contact.ageing_time=1e-7",
+                "contact.ageing_slip=1e-9",
+            ],
+        ),
         ("attracting", &["contact.attraction=0.3"]),
         ("flat", &["sample.walls=flat"]),
         (

@@ -5,6 +5,7 @@
 //! would keep HDF5's locks on them. This process therefore takes none (`.cargo/config.toml`).
 
 mod accuracy;
+mod ageing;
 mod bad_input;
 mod box_deformations;
 mod box_protocols;

@@ -117,7 +117,7 @@ fn histories(contacts: &[ContactState], is_planar: bool) -> Vec<(u32, u32, Vec<u
             } else {
                 vec![a, b, rest]
             };
-            let numbers = numbers.into_iter().chain(c.torques);
+            let numbers = numbers.into_iter().chain(c.torques).chain([c.age]);
             (c.i, c.j, numbers.map(f64::to_bits).collect())
         })
         .collect();
@@ -163,6 +163,7 @@ fn comes_back(scene: &str, contact: &str, walls: &str) {
         };
         found.push(ContactState {
             torques: c.torques,
+            age: c.age,
             ..ContactState::new(c.i, c.j, history)
         });
     }
@@ -219,12 +220,13 @@ fn contacts_of_spheres_come_back() {
         "contact = {{ law = 'hooke', normal_stiffness = 1e5, tangential_stiffness = 5e4, friction = 0.3, restitution = 0.5, {rolling} }}"
     );
     comes_back(SPHERES, &hooke, "");
-    // Its history is a displacement.
+    // Its history is a displacement, and it has an age.
+    let ageing = "ageing = 0.1, ageing_time = 1e-5, ageing_slip = 1e-6";
     let hertz = format!(
         "
         material.young_modulus = 1e8
         material.poisson_ratio = 0.3
-        contact = {{ law = 'hertz', friction = 0.3, normal_damping = 1e6, {rolling} }}
+        contact = {{ law = 'hertz', friction = 0.3, normal_damping = 1e6, {rolling}, {ageing} }}
         "
     );
     comes_back(SPHERES, &hertz, ", walls = 'flat'");

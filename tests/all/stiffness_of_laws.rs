@@ -9,13 +9,13 @@ use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble};
 use gshear_dem::adhesions::constant::Constant;
 use gshear_dem::adhesions::dmt::Dmt;
 use gshear_dem::adhesions::jkr::Jkr;
-use gshear_dem::contact::TORQUES;
 use gshear_dem::contact::adhesion::AdhesionModel;
+use gshear_dem::contact::{AGE, TORQUES};
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::kernel::{ContactForces, PairForce};
-use gshear_dem::laws::keys::{Key, KeyReader, TANGENTIAL_HISTORY};
+use gshear_dem::laws::keys::{AGEING, AGEING_SLIP, Key, KeyReader, TANGENTIAL_HISTORY};
 use gshear_dem::laws::mixture::pair_force;
 use gshear_dem::laws::{Contact, LAWS, Law, LawKind, LawSpace};
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared, body, length};
@@ -34,9 +34,39 @@ const MASSES: Masses = Masses::Density(1.3);
 const STEP: f64 = 0.5;
 /// How far grains are moved for the differences (m; rad).
 const H: f64 = 2e-5;
+/// θ_0 (s), by the example of its key.
+const AGEING_TIME: f64 = 1e-4;
 
 /// Gives every key its example; of keys that exclude each other the first.
 struct Examples;
+
+/// The same, with friction that grows with the age.
+struct OfAges;
+
+impl KeyReader for OfAges {
+    fn number(&mut self, key: &Key) -> Option<f64> {
+        match key.path {
+            path if path == AGEING.path => Some(0.1),
+            // K takes what slides as sliding on: a difference to both sides does not.
+            path if path == AGEING_SLIP.path => None,
+            _ => Examples.number(key),
+        }
+    }
+
+    fn required(&mut self, key: &Key) -> f64 {
+        Examples.required(key)
+    }
+
+    fn exactly_one(&mut self, _: &[&Key], _: &str) -> usize {
+        0
+    }
+
+    fn useless(&mut self, _: &Key, _: &str) {}
+
+    fn refuse(&mut self, key: &Key, what: &str) {
+        Examples.refuse(key, what);
+    }
+}
 
 /// The same, with springs that remember their force.
 struct OfForces;
@@ -67,8 +97,8 @@ impl KeyReader for OfForces {
 
 impl KeyReader for Examples {
     fn number(&mut self, key: &Key) -> Option<f64> {
-        if key.path.ends_with("sliding_damping") {
-            // It acts without F_n, too.
+        // The damper acts without F_n, too; contacts that age are those of `OfAges`.
+        if ["contact.sliding_damping", AGEING.path].contains(&key.path) {
             return Some(0.0);
         }
         Some(key.example.parse().expect("an example is a number"))
@@ -232,6 +262,10 @@ impl<'a, D: Dimension> Packing<'a, D> {
                     row.0[at.lane] *= scale;
                 }
             }
+            let age = self.law.layout().history.iter().position(|k| *k == AGE);
+            if let Some(row) = age {
+                history[row].0[at.lane] = AGEING_TIME * random.random_range(0.1..10.0);
+            }
             // Elastic torques; μ_r R_r F_n is their limit.
             let mut torque = |coefficient: f64, k: usize| {
                 let beyond = if k % 7 == 3 { 14.0 } else { 0.5 };
@@ -270,7 +304,11 @@ impl<'a, D: Dimension> Packing<'a, D> {
     }
 
     fn jacobian(&mut self, at_rest: bool) -> Jacobian {
-        let contacts = self.system.contact_states(self.law);
+        let mut contacts = self.system.contact_states(self.law);
+        for contact in contacts.iter_mut().filter(|contact| contact.age > 0.0) {
+            // Forces are those at the end of a step.
+            contact.age += STEP;
+        }
         let state = NetworkState {
             flat: None,
             grains: &self.system.grain_states(),
@@ -451,6 +489,27 @@ fn stiffness_is_the_derivative_of_the_forces_of_every_law() {
                 Dimensions::Two => agrees_with_all_limits::<Two>(kind, kind.rolling),
                 Dimensions::Three => agrees_with_all_limits::<Three>(kind, true),
             }
+        }
+    }
+}
+
+/// Friction that grows with the age: K has that of each contact.
+#[test]
+fn stiffness_has_the_friction_of_the_age() {
+    for (kind, resists) in [("hooke", false), ("hertz", false), ("hertz", true)] {
+        let kind = LAWS.iter().find(|law| law.name == kind).expect("a law");
+        let law = Law::read(kind, &mut OfAges);
+        let rolling_friction = if resists { 0.1 } else { 0.0 };
+        let contact = Contact {
+            friction: 0.4,
+            rolling_friction,
+            rolling_stiffness: Some(0.3 * law.normal_stiffness(0.5, 0.5, 0.03)),
+            ..Contact::NONE
+        };
+        let of_all = [(law, contact)];
+        agrees::<Three>(&of_all);
+        if kind.rolling {
+            agrees::<Two>(&of_all);
         }
     }
 }

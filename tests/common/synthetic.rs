@@ -117,6 +117,7 @@ pub fn contact(t: u64, (i, j): (u32, u32)) -> ContactSample {
         torques: [0.0; 4],
         twisting: 0,
         idle: u64::from(of(8) > 0.0),
+        age: 0.0,
     }
 }
 
@@ -150,6 +151,8 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
         // At even times none.
         torques: [40, 41, 42, 43]
             .map(|c| (t % 2) as f64 * number(t, u64::from(i) << 32 | u64::from(j), c)),
+        // At times that three does not divide none.
+        age: f64::from(u8::from(t % 3 == 0)) * number(t, u64::from(i) << 32 | u64::from(j), 44),
     };
     let place = |id| GrainPosition {
         id: id as u32,

@@ -564,6 +564,7 @@ pub fn frame<D: Dimension>(
             torques: state.torques,
             twisting: at_limit(2),
             idle: at_limit(3),
+            age: state.age,
         }
     };
     let contacts = system.contacts.touching().filter(is_owned);
@@ -593,9 +594,12 @@ pub fn digest<D: Dimension>(
     for c in system.owned_contact_states(law) {
         add(c.moving());
         let of_spheres = c.moving_spheres();
+        let pair = (u64::from(c.i) << 32 | u64::from(c.j)) as i64;
+        if c.age != 0.0 {
+            add(bytemuck::bytes_of(&[pair, c.age.to_bits() as i64]));
+        }
         if D::SPINS == 3 && of_spheres != (0, [0.0; TORQUES]) {
             let (limits, [x, y, z, twist]) = of_spheres;
-            let pair = (u64::from(c.i) << 32 | u64::from(c.j)) as i64;
             let torques = [x, y, z, twist].map(|t| t.to_bits() as i64);
             add(bytemuck::bytes_of(&[
                 pair, limits, torques[0], torques[1], torques[2], torques[3],

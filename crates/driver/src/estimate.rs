@@ -296,6 +296,7 @@ fn form(scene: &Scene) -> FrameFormat {
         removed: scene.removes(),
         walls: scene.flat_walls().is_some(),
         histories: scene.writes_histories(),
+        ages: scene.writes_histories() && scene.ages(),
         ..FrameFormat::new(scene.dimension.axes(), torques)
     }
 }
@@ -307,8 +308,10 @@ fn frame_bytes(scene: &Scene) -> f64 {
 
 /// Bytes of a checkpoint.
 fn checkpoint_bytes(scene: &Scene) -> f64 {
-    let torques = size_of::<[f64; TORQUES]>() * usize::from(!form(scene).torques);
-    let contact = size_of::<ContactState>() - torques;
+    let form = form(scene);
+    let torques = size_of::<[f64; TORQUES]>() * usize::from(!form.torques);
+    let age = size_of::<f64>() * usize::from(!form.ages);
+    let contact = size_of::<ContactState>() - torques - age;
     size_of::<GrainState>() as f64 * f64::from(scene.sample.grains)
         + contact as f64 * contacts(scene)
         + 6e3

@@ -449,13 +449,15 @@ fn create<D: Dimension>(
         (0, None) => provenance::user(),
         _ => String::new(),
     };
+    let histories = scene.writes_histories() || run.options.replay.is_some();
     let header = RunHeader {
         author: author.unwrap_or(&user),
         history_unit: layout.history_unit,
         form: FrameFormat {
             removed: scene.removes(),
             walls: scene.flat_walls().is_some(),
-            histories: scene.writes_histories() || run.options.replay.is_some(),
+            histories,
+            ages: histories && layout.has_age(),
             ..FrameFormat::new(D::AXES, layout.has_torques)
         },
         boundary: scene.boundary(),

@@ -3,7 +3,7 @@
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Result;
 use gshear_dem::laws::Law;
-use gshear_dem::laws::keys::KeyReader;
+use gshear_dem::laws::keys::{AGEING, KeyReader};
 use gshear_dem::state::Masses;
 
 use crate::checker::Checker;
@@ -38,6 +38,11 @@ pub(crate) fn scene(
     }
     let (law, contact) = law::check(c)?;
     let materials = materials::check(c, &law, &contact)?;
+    if given.strains && c.given_number(&AGEING).is_some_and(|growth| growth > 0.0) {
+        let what = "is not for strain steps, which take no time, nor for what follows them; \
+                    leave it out, or shear at a rate";
+        c.refuse(&AGEING, what);
+    }
     time::check(c, &law, given.shears);
     check_limit(c, limit);
     let checkpoint_time = c.number_or_default(&OUTPUT.checkpoint_time);

@@ -283,6 +283,7 @@ mod tests {
         density: 2500.0,
         damping_ratio: 0.1,
         sliding_damping: 0.0,
+        ageing: None,
     };
 
     fn law() -> Law {

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use gshear_dem::adhesions::AdhesionKind;
 use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::{
-    BELOW_ONE, DENSITY, FROM_ONE, Key, KeyReader, POISSON_RATIO, TANGENTIAL_HISTORY, Values,
-    YOUNG_MODULUS,
+    AGEING, AGEING_SLIP, AGEING_TIME, BELOW_ONE, DENSITY, FROM_ONE, Key, KeyReader, POISSON_RATIO,
+    TANGENTIAL_HISTORY, Values, YOUNG_MODULUS,
 };
 use gshear_dem::laws::{Contact, Law};
 use gshear_dem::state::{GrainState, Masses, body};
@@ -165,6 +165,9 @@ fn check_entries(c: &mut Checker<'_>, law: &Law, list: &Key, declared: &Table, g
                 CONTACT.pair.path,
                 CONTACT.adhesion.path,
                 TANGENTIAL_HISTORY.path,
+                AGEING.path,
+                AGEING_TIME.path,
+                AGEING_SLIP.path,
             ]
             .contains(&key.path)
             {
@@ -667,6 +670,7 @@ mod tests {
             overlap,
             history: [slip, 0.0, 0.0],
             torques: [0.0; 4],
+            age: 0.0,
             limits: [None; 3],
         };
         let compliance = |e: f64, nu: f64| (1.0 - nu * nu) / e;

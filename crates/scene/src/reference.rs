@@ -574,7 +574,7 @@ mod tests {
         let pure = "
             material.fraction material.poisson_ratio contact.friction contact.rolling_friction
             contact.rolling_damping_ratio contact.twisting_friction contact.twisting_damping_ratio
-            contact.damping_ratio contact.restitution contact.sliding_damping
+            contact.damping_ratio contact.restitution contact.sliding_damping contact.ageing
             contact.tangential_damping_ratio sample.radius_exponent sample.passing
             sample.large_fraction sample.radii_weights sample.solid_fraction sample.aspect
             sample.replicate sample.wall_thickness load.stiffness_number load.incline

@@ -5,6 +5,7 @@ use gshear_dem::boundary::{Boundary, PERIODIC};
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
+use gshear_dem::laws::keys::AGEING;
 use gshear_dem::laws::mixture::pair_force;
 use gshear_dem::laws::{Contact, Law, LawSpace};
 use gshear_dem::state::{Cell, FlatWalls, Sheared};
@@ -87,6 +88,12 @@ impl Scene {
     /// Whether a grain that passes a wall is removed.
     pub fn removes(&self) -> bool {
         self.shear().is_some_and(|shear| shear.removes)
+    }
+
+    /// Whether the friction of contacts depends on their age.
+    pub fn ages(&self) -> bool {
+        let mut laws = self.materials.laws.iter();
+        laws.any(|(law, _)| law.value(&AGEING).is_some_and(|growth| growth > 0.0))
     }
 
     /// Whether frames have the histories of contacts.

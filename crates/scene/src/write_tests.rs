@@ -53,6 +53,8 @@ fn every_choice_reads_back_as_the_same_scene() {
         "contact.law=hooke material.young_modulus=none material.poisson_ratio=none
          contact.normal_stiffness=123456789.3 contact.tangential_stiffness=98765432.1",
         MINDLIN,
+        "contact.law=hooke material.young_modulus=none material.poisson_ratio=none
+         contact.normal_stiffness=1e8 contact.ageing=0.02 contact.ageing_time=1e-4",
         "time.step=1e-6 time.force=true",
         "bookkeeping.skin=0.3 bookkeeping.rebuild_every=17",
         "bookkeeping.band_grains=300 bookkeeping.steps_at_once=3",

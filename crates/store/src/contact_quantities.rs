@@ -61,11 +61,13 @@ pub struct FrameFormat {
     pub walls: bool,
     /// Whether contacts have their histories, which K of a frame needs.
     pub histories: bool,
+    /// Whether contacts have their age: where friction grows with it, and with the histories.
+    pub ages: bool,
 }
 
 impl FrameFormat {
     /// That of frames in so many dimensions, as this version writes them, without removal and flat
-    /// walls.
+    /// walls, and of contacts that do not age.
     pub const fn new(axes: usize, torques: bool) -> Self {
         Self {
             axes,
@@ -74,6 +76,7 @@ impl FrameFormat {
             removed: false,
             walls: false,
             histories: true,
+            ages: false,
         }
     }
 }
@@ -91,6 +94,9 @@ const ROLLING: Column = Column::new("rolling", "1", "at its limit");
 pub(crate) const TWISTING: Column = Column::new("twisting", "1", "at its limit");
 /// Files of earlier versions do not have it.
 pub(crate) const IDLE: Column = Column::new("idle", "1", "spring and damper leave no force");
+
+/// Only files with [`FrameFormat::ages`] have it.
+pub(crate) const AGE: Column = Column::new("age", "s", "age of the contact");
 
 /// A table of the contacts of a file, with a group of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -155,8 +161,8 @@ macro_rules! quantities {
     };
 }
 
-/// In the order of the file.
-static ALL: [ContactQuantity; 11] = quantities! {
+/// In the order of the file: flags come last.
+static ALL: [ContactQuantity; 12] = quantities! {
     Number NORMAL_FORCE: normal_force[0], [1, 1, 1];
     Number TANGENTIAL_FORCE: tangential_force[0], [1, 3, 3];
     Number TANGENTIAL_HISTORY: tangential_history[0], [1, 3, 3];
@@ -164,6 +170,7 @@ static ALL: [ContactQuantity; 11] = quantities! {
     Number ROLLING_HISTORY: torques[0], [0, 0, 3];
     Number TWISTING_HISTORY: torques[3], [0, 0, 1];
     Number OVERLAP: overlap[0], [1, 1, 1];
+    Number AGE: age[0], [1, 1, 1];
     Flag SLIDING: sliding[0], [1, 1, 1];
     Flag ROLLING: rolling[0], [1, 0, 1];
     Flag TWISTING: twisting[0], [0, 0, 1];
@@ -190,7 +197,12 @@ impl ContactQuantity {
     pub fn width(&self, form: FrameFormat) -> usize {
         let histories = [TANGENTIAL_HISTORY, ROLLING_HISTORY, TWISTING_HISTORY];
         let is_history = histories.iter().any(|h| h.name == self.column.name);
-        if is_history && !form.histories || self.column.name == IDLE.name && !form.idle {
+        let is_missing = match self.column.name {
+            name if name == IDLE.name => !form.idle,
+            name if name == AGE.name => !form.ages,
+            _ => is_history && !form.histories,
+        };
+        if is_missing {
             return 0;
         }
         match (form.axes, form.torques) {

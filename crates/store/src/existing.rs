@@ -1,6 +1,8 @@
 //! A `run.h5` that a resumed run finds: what it holds, whether it can be continued, and its repair.
 
-use super::contact_quantities::{ContactTable, FrameFormat, IDLE, TANGENTIAL_HISTORY, TWISTING};
+use super::contact_quantities::{
+    AGE, ContactTable, FrameFormat, IDLE, TANGENTIAL_HISTORY, TWISTING,
+};
 use super::disk;
 use super::h5::{self, Attribute};
 use super::journal::{self, Journal};
@@ -277,6 +279,7 @@ fn continued(
         torques: file.link_exists(&contact_dataset(TWISTING)),
         idle: file.link_exists(&contact_dataset(IDLE)),
         histories: file.link_exists(&contact_dataset(TANGENTIAL_HISTORY)),
+        ages: file.link_exists(&contact_dataset(AGE)),
         removed: file.link_exists(&grain_dataset(&REMOVED.column)),
         walls: file.link_exists(ContactTable::Walls.group()),
     };

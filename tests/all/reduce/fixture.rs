@@ -284,6 +284,7 @@ fn frame_of(grains: &GrainConstants, length: f64, step: u64, points: &[[f64; 2]]
                     torques: [0.0; 4],
                     twisting: 0,
                     idle: 0,
+                    age: 0.0,
                 });
             }
         }

@@ -252,6 +252,7 @@ fn sphere_held(steps: u64) -> Line {
         normal_damping: 0.0,
         tangential_damping: 0.0,
         remembers_force: false,
+        ageing: None,
     };
     let mass = 4.0 / 3.0 * PI * spheres.density * RADIUS.powi(3);
     let root = (0.5 * RADIUS * OVERLAP).sqrt();

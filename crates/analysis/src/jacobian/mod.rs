@@ -163,6 +163,7 @@ impl NetworkState<'_> {
             overlap: a.radius + b.radius - distance,
             history: contact.history,
             torques: contact.torques,
+            age: contact.age,
             limits: if self.at_rest {
                 [None; 3]
             } else {

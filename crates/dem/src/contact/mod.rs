@@ -2,6 +2,7 @@
 //! loop over the contacts in [`crate::kernel`].
 
 pub mod adhesion;
+pub mod friction;
 pub mod model;
 pub mod parts;
 pub mod stiffness;
@@ -62,8 +63,8 @@ pub struct Blocks<'a> {
     pub motion: &'a [PairMotion],
     /// The rotation of spheres that resist it, and its torques.
     pub turning: &'a mut [Turning],
-    /// 1/Δt (1/s) in three dimensions, and where an energy budget counts dampers that are cut to a
-    /// limit; 0 elsewhere, and if Δt is 0.
+    /// 1/Δt (1/s) in three dimensions, where contacts age, and where an energy budget counts dampers
+    /// that are cut to a limit; 0 elsewhere, and if Δt is 0.
     pub per_step: f64,
     /// Intermediate results that one loop of a law passes to the next.
     pub carry: &'a mut [[Lanes16; CARRY]],
@@ -148,8 +149,11 @@ pub struct Response {
 pub const TORQUES: usize = 4;
 
 /// The numbers that a contact may keep from step to step, in the layout of
-/// [`crate::state::ContactState`]: its history, then its torques.
-pub type History = [f64; 3 + TORQUES];
+/// [`crate::state::ContactState`]: its history, then its torques, then its age.
+pub type History = [f64; AGE + 1];
+
+/// The place of the age in a [`History`].
+pub const AGE: usize = 3 + TORQUES;
 
 /// Blocks that a law is given at once. On Zen 4, with AVX-512 and with AVX2, 2 to 8 are within 2 %
 /// of each other.
@@ -168,6 +172,8 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
     const HISTORY: usize;
     /// Their places in a [`History`]; at least as many.
     const HISTORY_PLACES: &'static [usize] = &[0, 1, 2, 3, 4, 5, 6];
+    /// Whether the friction of its contacts depends on their age, for which it needs Δt.
+    const AGES: bool = false;
     /// Unit in 3D of the history of F_t: that of its elastic part, or `m` of a displacement.
     const HISTORY_UNIT: &'static str = "N";
     /// Whether forces other than F_n can arise.

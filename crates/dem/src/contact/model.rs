@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use super::stiffness::Stiffness;
-use super::{ContactLaw, PairRadii};
+use super::{AGE, ContactLaw, PairRadii};
 use crate::dimension::Dimension;
 use crate::simd::{Isa, Lanes, Lanes16, Work};
 
@@ -57,6 +57,13 @@ pub struct Layout {
     pub history: &'static [usize],
     /// Unit in 3D of the history of F_t, as the units module of H5MD writes it.
     pub history_unit: &'static str,
+}
+
+impl Layout {
+    /// Whether contacts keep their age.
+    pub fn has_age(&self) -> bool {
+        self.history.contains(&AGE)
+    }
 }
 
 /// What the elastic energies of some blocks depend on.

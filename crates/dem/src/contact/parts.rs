@@ -109,6 +109,17 @@ impl<L: Lanes> SpringAndDamper<L> {
         }
     }
 
+    /// Where the sum of spring and damper exceeds a limit.
+    #[inline(always)]
+    pub fn exceeds(&self, limit: L) -> L::Mask {
+        let is_beyond = if self.components == 1 {
+            self.force[0].abs().greater(limit)
+        } else {
+            exceeds(&self.force, limit)
+        };
+        is_beyond.and(self.touching)
+    }
+
     /// The sum of spring and damper is cut to the limit, and does not jump there: the spring is set
     /// back so that the two together give the limit.
     #[inline(always)]
@@ -121,10 +132,10 @@ impl<L: Lanes> SpringAndDamper<L> {
         };
         if self.components == 1 {
             let force = self.force[0];
-            slid.at_limit = force.abs().greater(limit).and(self.touching);
+            slid.at_limit = self.exceeds(limit);
             slid.force = [limit.copy_sign(force).select(slid.at_limit, force); 3];
         } else {
-            slid.at_limit = exceeds(&self.force, limit).and(self.touching);
+            slid.at_limit = self.exceeds(limit);
             if slid.at_limit.bits() == 0 {
                 return slid;
             }

@@ -5,6 +5,7 @@
 //! same on both sides.
 
 use super::TORQUES;
+use super::friction::Coefficient;
 
 /// Fraction of a limit from which a contact counts as being at it. Less than 1, because its force
 /// was cut to μF_n of a step in which F_n was slightly different.
@@ -59,6 +60,8 @@ pub struct SpringState {
     pub history: [f64; 3],
     /// As in [`crate::state::ContactState`].
     pub torques: [f64; TORQUES],
+    /// As in [`crate::state::ContactState`].
+    pub age: f64,
     /// Whether it is at the limit of friction, at that of rolling and at that of twisting, as the
     /// step found with F_n of spring and damper; `None`: by the elastic F_n, as in equilibrium.
     pub limits: [Option<bool>; 3],
@@ -82,6 +85,23 @@ pub trait Stiffness: Sync {
 }
 
 impl Derivatives {
+    /// A tangential spring `trial` of this stiffness under a friction that falls with the slip.
+    /// F_n must be set.
+    pub fn friction(
+        &self,
+        trial: [f64; 3],
+        stiffness: f64,
+        friction: Coefficient,
+        slides: Option<bool>,
+    ) -> SpringForce {
+        let limit = self.limit(friction.value);
+        let mut force = SpringForce::new(trial, stiffness, limit, slides);
+        if force.at_limit {
+            force.along -= friction.fall * self.normal;
+        }
+        force
+    }
+
     /// The limit of a force of this coefficient. F_n must be set.
     pub fn limit(&self, coefficient: f64) -> Limit {
         Limit {

@@ -478,7 +478,7 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
 ) -> Option<(usize, usize)> {
     let changes_area = pass.changes_area();
     let contacts = &mut pass.part;
-    let needs_last_step = C::Space::SPINS == 3 || (BUDGET && C::CUTS_DAMPERS);
+    let needs_last_step = C::Space::SPINS == 3 || C::AGES || (BUDGET && C::CUTS_DAMPERS);
     if (C::FRICTION || C::ROLLING) && needs_last_step {
         let limits = &contacts.limits[chunk.clone()];
         for (response, limits) in scratch.response.iter_mut().zip(limits) {

@@ -24,24 +24,29 @@
 //! as LAMMPS' `mindlin_rescale/force`, but with the mean of √(δR*) of the step while δ grows. K has
 //! the derivative of a δ that grows: F does not change with δ.
 //!
+//! With `ageing` μ grows with the age of the contact (below).
+//!
 //! This is LAMMPS' `gran/hertz/history` with `limit_damping` and the k_t of FR.
 
 use std::fmt::Debug;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
+use super::ageing::{Aged, Ageing, read_ageing};
 use super::keys::{
-    DENSITY, IMPACT_DIAMETER, IMPACT_SPEED, Key, KeyReader, NORMAL_DAMPING, POISSON_RATIO,
-    RESTITUTION, TANGENTIAL_DAMPING, TANGENTIAL_HISTORY, YOUNG_MODULUS,
+    AGEING, AGEING_SLIP, AGEING_TIME, DENSITY, IMPACT_DIAMETER, IMPACT_SPEED, Key, KeyReader,
+    NORMAL_DAMPING, POISSON_RATIO, RESTITUTION, TANGENTIAL_DAMPING, TANGENTIAL_HISTORY,
+    YOUNG_MODULUS,
 };
 use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
+use crate::contact::friction::{Coulomb, Friction, SlipOfStep};
 use crate::contact::parts::{
     self, CutDamper, LimitedSpring, SpringAndDamper, exceeds, reaches, set_back,
 };
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, difference, dissipation, norm, portable_exp, portable_ln, scaled, sum,
+    AGE, Blocks, ContactLaw, difference, dissipation, norm, portable_exp, portable_ln, scaled, sum,
     vector, velocity_before,
 };
 use crate::dimension::{Dimension, Dimensions, Three, Vector, scaled_sum};
@@ -66,6 +71,9 @@ pub const KIND: LawKind = LawKind {
         &NORMAL_DAMPING,
         &TANGENTIAL_DAMPING,
         &TANGENTIAL_HISTORY,
+        &AGEING,
+        &AGEING_TIME,
+        &AGEING_SLIP,
     ],
     read: |values| Arc::new(Spheres::read(values)),
 };
@@ -85,6 +93,8 @@ pub struct Spheres {
     pub tangential_damping: f64,
     /// Whether the history of the tangential spring is its force, not its displacement.
     pub remembers_force: bool,
+    /// How friction grows with the age of a contact.
+    pub ageing: Option<Ageing>,
 }
 
 impl Spheres {
@@ -116,6 +126,7 @@ impl Spheres {
             normal_damping: 0.0,
             tangential_damping: 0.0,
             remembers_force: values.choice(&TANGENTIAL_HISTORY) == Some("force"),
+            ageing: None,
         }
     }
 
@@ -145,6 +156,13 @@ impl Spheres {
             );
         }
         spheres.tangential_damping = gamma_t.unwrap_or(0.5 * spheres.normal_damping);
+        spheres.ageing = read_ageing(values);
+        if spheres.ageing.is_some() && spheres.remembers_force {
+            values.refuse(
+                &AGEING,
+                "is not for tangential_history = \"force\"; leave one of the two out",
+            );
+        }
         spheres
     }
 }
@@ -205,7 +223,11 @@ impl Constants for Spheres {
     }
 
     fn default_of(&self, key: &Key) -> Option<f64> {
-        (key.path == TANGENTIAL_DAMPING.path).then_some(self.tangential_damping)
+        match key.path {
+            path if path == TANGENTIAL_DAMPING.path => Some(self.tangential_damping),
+            path if path == AGEING.path => Some(self.ageing.map_or(0.0, |ageing| ageing.growth)),
+            _ => None,
+        }
     }
 
     fn derived(&self) -> Vec<(&'static str, f64, &'static str)> {
@@ -218,6 +240,10 @@ impl Constants for Spheres {
         let smooth = Hertz::<false>::new(self, contact);
         Some(if self.remembers_force {
             between_spheres(self, contact, Rescaled::new(smooth), smooth)
+        } else if let Some(ageing) = &self.ageing {
+            let friction = Aged::new(contact.friction, ageing);
+            let rough = Hertz::<true, Viscoelastic, Aged>::aged(self, contact, friction);
+            between_spheres(self, contact, rough, smooth)
         } else {
             let rough = Hertz::<true>::new(self, contact);
             between_spheres(self, contact, rough, smooth)
@@ -325,7 +351,7 @@ impl Damper for Viscoelastic {
 
 /// Constants of the law, the same for all contacts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hertz<const FRICTION: bool, D = Viscoelastic> {
+pub struct Hertz<const FRICTION: bool, D = Viscoelastic, F = Coulomb> {
     /// k_n and k_t (Pa).
     normal_stiffness: f64,
     tangential_stiffness: f64,
@@ -336,25 +362,33 @@ pub struct Hertz<const FRICTION: bool, D = Viscoelastic> {
     /// (4/3)πρ (kg/m³) of i and j.
     densities: [f64; 2],
     /// μ.
-    friction: f64,
+    friction: F,
     damper: PhantomData<D>,
 }
 
 impl<const FRICTION: bool> Hertz<FRICTION> {
     /// The law between these spheres.
     pub fn new(spheres: &Spheres, contact: &Contact) -> Self {
-        let tangential = spheres.tangential_damping / spheres.normal_damping.max(f64::MIN_POSITIVE);
-        Self::damped(spheres, contact, spheres.normal_damping, tangential)
+        Self::aged(spheres, contact, Coulomb(contact.friction))
     }
 }
 
-impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
+impl<const FRICTION: bool, F: Friction> Hertz<FRICTION, Viscoelastic, F> {
+    /// The law between these spheres with this friction.
+    fn aged(spheres: &Spheres, contact: &Contact, friction: F) -> Self {
+        let tangential = spheres.tangential_damping / spheres.normal_damping.max(f64::MIN_POSITIVE);
+        let dampers = [spheres.normal_damping, tangential];
+        Self::damped(spheres, contact, dampers, friction)
+    }
+}
+
+impl<const FRICTION: bool, D: Damper, F: Friction> Hertz<FRICTION, D, F> {
     /// The law with the damper `D`: its constant, and the tangential damper over the normal one.
     pub(super) fn damped(
         spheres: &Spheres,
         contact: &Contact,
-        damping: f64,
-        tangential_damping: f64,
+        [damping, tangential_damping]: [f64; 2],
+        friction: F,
     ) -> Self {
         Self {
             normal_stiffness: spheres.normal_stiffness(),
@@ -362,7 +396,7 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
             damping,
             tangential_damping,
             densities: contact.densities(Three::volume(1.0) * spheres.density),
-            friction: contact.friction,
+            friction,
             damper: PhantomData,
         }
     }
@@ -381,10 +415,12 @@ const NORMAL: usize = 1;
 /// Lower bound of δR* (m²), also for pairs that do not touch.
 const NO_AREA: f64 = 1e-290;
 
-impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
+impl<const FRICTION: bool, D: Damper, F: Friction> ContactLaw for Hertz<FRICTION, D, F> {
     type Space = Three;
     const PARAMETERS: usize = 2;
-    const HISTORY: usize = if FRICTION { 3 } else { 0 };
+    const HISTORY: usize = if FRICTION { 3 + F::HISTORY } else { 0 };
+    const HISTORY_PLACES: &'static [usize] = &[0, 1, 2, AGE];
+    const AGES: bool = FRICTION && F::HISTORY > 0;
     const HISTORY_UNIT: &'static str = "m";
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = false;
@@ -466,6 +502,8 @@ struct SlidingStep<L: Lanes> {
     /// v_t at the end (m/s).
     velocity: Vector<L>,
     limit: L,
+    /// μ.
+    friction: L,
     /// δ (m).
     overlap: L,
     /// Contacts at the limit before the step.
@@ -474,7 +512,7 @@ struct SlidingStep<L: Lanes> {
     sliding: L::Mask,
 }
 
-impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
+impl<const FRICTION: bool, D: Damper, F: Friction> Hertz<FRICTION, D, F> {
     /// Spring and damper over √(δR*), set back to their limit, and the spring's u. At the beginning
     /// of the step v_t was 2 v_t(t + ½Δt) - v_t, to second order.
     #[inline(always)]
@@ -506,7 +544,7 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
         let mut spring = scaled(&scaled_sum(-gamma_t, v_t, &force), compliance);
         if D::BOUNDS_SPRING {
             let (speed, per_speed) = norm(token, v_t);
-            let bound = c(self.friction * self.normal_stiffness) * step.overlap;
+            let bound = step.friction * c(self.normal_stiffness) * step.overlap;
             let exceeds = (gamma_t * speed).greater(limit + bound);
             let damped = exceeds.and(step.sliding);
             let back = -(bound * compliance);
@@ -531,10 +569,11 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
         let zero = c(0.0);
         let k_t = c(self.tangential_stiffness);
         let parameters = blocks.parameters.chunks_exact(Self::PARAMETERS);
-        let kept = parameters.zip(blocks.history.chunks_exact_mut(3));
+        let kept = parameters.zip(blocks.history.chunks_exact_mut(3 + F::HISTORY));
         let pairs = kept.zip(blocks.motion).zip(&*blocks.carry);
         for ((((p, history), motion), carry), response) in pairs.zip(&mut *blocks.response) {
             let touching = load(&motion.overlap).greater(zero);
+            let (history, age) = history.split_at_mut(3);
             let root = load(&carry[ROOT]);
             let before = vector(token, history, 3);
             let slip = vector(token, &motion.tangential_increment, 3);
@@ -544,17 +583,32 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
             let gamma_t = c(self.tangential_damping) * damping;
             // Spring and damper over √(δR*).
             let mut force = scaled_sum(k_t, &u, &scaled(&v_t, gamma_t));
-            let limit = c(self.friction) * load(&carry[NORMAL]);
+            let normal = load(&carry[NORMAL]);
+            let mut friction = self
+                .friction
+                .of_stuck(token, age, touching, blocks.per_step);
+            let mut limit = friction * normal;
             let slid = L::mask(token, response.sliding);
             let sliding = exceeds(&force, limit).and(touching);
             let mut spring = u;
             if sliding.bits() != 0 {
+                let slip_of_step = SlipOfStep {
+                    way: slip,
+                    components: 3,
+                    sliding,
+                    per_step: blocks.per_step,
+                };
+                friction = self
+                    .friction
+                    .of_sliding(token, age, &slip_of_step, friction);
+                limit = friction * normal;
                 let step = SlidingStep {
                     trial: force,
                     gamma_t,
                     slip,
                     velocity: v_t,
                     limit,
+                    friction,
                     overlap: load(&motion.overlap),
                     slid,
                     sliding,
@@ -619,7 +673,7 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
 }
 
 /// At constant u, F_t = -√(δR*) k_t u grows with √δ; at the limit F_t = -μF_n u/|u|.
-impl<const FRICTION: bool, D: Damper> Stiffness for Hertz<FRICTION, D> {
+impl<const FRICTION: bool, D: Damper, F: Friction> Stiffness for Hertz<FRICTION, D, F> {
     fn derivatives(&self, state: &SpringState) -> Derivatives {
         let (overlap, [r_i, r_j]) = (state.overlap, state.radii);
         let root = (overlap * r_i * r_j / (r_i + r_j)).sqrt();
@@ -634,7 +688,8 @@ impl<const FRICTION: bool, D: Damper> Stiffness for Hertz<FRICTION, D> {
         let k_t = self.tangential_stiffness * root;
         let trial = state.history.map(|u| -k_t * u);
         let [slides, ..] = state.limits;
-        let mut tangential = SpringForce::new(trial, k_t, d.limit(self.friction), slides);
+        let friction = self.friction.at_age(state.age);
+        let mut tangential = d.friction(trial, k_t, friction, slides);
         if !tangential.at_limit {
             tangential.slope = tangential.value.map(|f| 0.5 * f / overlap);
         }
@@ -726,11 +781,11 @@ impl<D: Damper> ContactLaw for Rescaled<D> {
                 was_at_limit: L::mask(token, response.sliding),
                 touching,
             };
-            let limit = c(law.friction) * load(&response.normal);
+            let limit = c(law.friction.0) * load(&response.normal);
             let mut slid = spring.slide_together(token, limit);
             if D::BOUNDS_SPRING && slid.at_limit.bits() != 0 {
                 let (speed, per_speed) = norm(token, &v_t);
-                let bound = c(law.friction * law.normal_stiffness) * overlap * root;
+                let bound = c(law.friction.0 * law.normal_stiffness) * overlap * root;
                 let exceeds = (gamma_t * speed).greater(limit + bound);
                 let damped = exceeds.and(slid.at_limit);
                 for (k, v) in v_t.iter().enumerate() {
@@ -817,7 +872,7 @@ impl<D: Damper> Stiffness for Rescaled<D> {
         let (overlap, [r_i, r_j]) = (state.overlap, state.radii);
         let root = (overlap * r_i * r_j / (r_i + r_j)).sqrt();
         let k_t = self.normal.tangential_stiffness * root;
-        let limit = d.limit(self.normal.friction);
+        let limit = d.limit(self.normal.friction.0);
         let [slides, ..] = state.limits;
         Derivatives {
             tangential: SpringForce::new(state.history, k_t, limit, slides),

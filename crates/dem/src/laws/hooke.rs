@@ -21,7 +21,8 @@
 //!
 //! Beyond this limit the sum on the left is cut to it, F_t^e is set back so that spring and damper
 //! together give the limit, as in LAMMPS, and -s γ_t v_t acts beside it, without a jump of F_t.
-//! LIGGGHTS cuts the spring alone, and drops the damper with a jump while it is cut.
+//! LIGGGHTS cuts the spring alone, and drops the damper with a jump while it is cut. With `ageing`
+//! μ_s grows with the age of the contact (below).
 //!
 //! Rolling, in 2D, as in LIGGGHTS' `epsd2` (Ai et al. 2011, type C, with the stiffness of Iwashita
 //! and Oda):
@@ -36,18 +37,20 @@
 use std::marker::PhantomData;
 use std::sync::Arc;
 
+use super::ageing::{Aged, Ageing, read_ageing};
 use super::damping::{of_ratio, read_ratio, read_sliding};
 use super::keys::{
-    DAMPING_RATIO, DENSITY, Key, KeyReader, NORMAL_STIFFNESS, RESTITUTION, SLIDING_DAMPING,
-    TANGENTIAL_STIFFNESS,
+    AGEING, AGEING_SLIP, AGEING_TIME, DAMPING_RATIO, DENSITY, Key, KeyReader, NORMAL_STIFFNESS,
+    RESTITUTION, SLIDING_DAMPING, TANGENTIAL_STIFFNESS,
 };
 use super::rolling::{self, Rolling, rolling_force};
 use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
+use crate::contact::friction::{Coulomb, Friction, SlipOfStep};
 use crate::contact::parts::{self, NormalSpring, SpringAndDamper, SpringWork, add_damping};
-use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
+use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, difference, dissipation, scaled, vector, velocity_before,
+    AGE, Blocks, ContactLaw, difference, dissipation, scaled, vector, velocity_before,
 };
 use crate::dimension::{Dimension, Dimensions, Three, Two, scaled_sum};
 use crate::kernel::PairForce;
@@ -68,6 +71,9 @@ pub const KIND: LawKind = LawKind {
         &DAMPING_RATIO,
         &RESTITUTION,
         &SLIDING_DAMPING,
+        &AGEING,
+        &AGEING_TIME,
+        &AGEING_SLIP,
     ],
     read: |values| Arc::new(Springs::read(values)),
 };
@@ -85,6 +91,8 @@ pub struct Springs {
     pub damping_ratio: f64,
     /// s, the share of the tangential damper that acts on sliding contacts.
     pub sliding_damping: f64,
+    /// How friction grows with the age of a contact.
+    pub ageing: Option<Ageing>,
 }
 
 impl Springs {
@@ -97,6 +105,19 @@ impl Springs {
             density: values.required(&DENSITY),
             damping_ratio: read_ratio(values),
             sliding_damping: read_sliding(values),
+            ageing: read_ageing(values),
+        }
+    }
+
+    /// The law between disks or spheres with friction.
+    fn rough<D: Dimension, const ROLLING: bool>(&self, contact: &Contact) -> Box<dyn PairForce<D>> {
+        match &self.ageing {
+            Some(ageing) => Box::new(Hooke::<D, true, ROLLING, Aged>::with(
+                self,
+                contact,
+                Aged::new(contact.friction, ageing),
+            )),
+            None => Box::new(Hooke::<D, true, ROLLING>::new(self, contact)),
         }
     }
 }
@@ -159,6 +180,7 @@ impl Constants for Springs {
         match key.path {
             path if path == TANGENTIAL_STIFFNESS.path => Some(self.tangential_stiffness),
             path if path == SLIDING_DAMPING.path => Some(self.sliding_damping),
+            path if path == AGEING.path => Some(self.ageing.map_or(0.0, |ageing| ageing.growth)),
             _ => None,
         }
     }
@@ -172,16 +194,25 @@ impl Constants for Springs {
             match (contact.friction > 0.0, contact.rolling_friction > 0.0) {
                 (false, false) => Box::new(Hooke::<Two, false, false>::new(self, contact)),
                 (false, true) => Box::new(Hooke::<Two, false, true>::new(self, contact)),
-                (true, false) => Box::new(Hooke::<Two, true, false>::new(self, contact)),
-                (true, true) => Box::new(Hooke::<Two, true, true>::new(self, contact)),
+                (true, false) => self.rough::<Two, false>(contact),
+                (true, true) => self.rough::<Two, true>(contact),
             },
         )
     }
 
     fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
-        let rough = Hooke::<Three, true, false>::new(self, contact);
         let smooth = Hooke::<Three, false, false>::new(self, contact);
-        Some(between_spheres(self, contact, rough, smooth))
+        Some(match &self.ageing {
+            Some(ageing) => {
+                let friction = Aged::new(contact.friction, ageing);
+                let rough = Hooke::<Three, true, false, Aged>::with(self, contact, friction);
+                between_spheres(self, contact, rough, smooth)
+            }
+            None => {
+                let rough = Hooke::<Three, true, false>::new(self, contact);
+                between_spheres(self, contact, rough, smooth)
+            }
+        })
     }
 
     /// k_t.
@@ -196,7 +227,7 @@ pub const LARGEST_OVERLAP: f64 = 0.5;
 
 /// Constants of the law, the same for all contacts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hooke<D, const FRICTION: bool, const ROLLING: bool> {
+pub struct Hooke<D, const FRICTION: bool, const ROLLING: bool, F = Coulomb> {
     /// k_n, k_t (N/m; per unit depth, Pa, in 2D).
     normal_stiffness: f64,
     tangential_stiffness: f64,
@@ -210,7 +241,7 @@ pub struct Hooke<D, const FRICTION: bool, const ROLLING: bool> {
     /// The share of the tangential damper that acts on sliding contacts.
     sliding_damping: f64,
     /// μ_s.
-    friction: f64,
+    friction: F,
     rolling: Rolling,
     space: PhantomData<D>,
 }
@@ -218,6 +249,15 @@ pub struct Hooke<D, const FRICTION: bool, const ROLLING: bool> {
 impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION, ROLLING> {
     /// The law between grains with these springs.
     pub fn new(springs: &Springs, contact: &Contact) -> Self {
+        Self::with(springs, contact, Coulomb(contact.friction))
+    }
+}
+
+impl<D: Dimension, const FRICTION: bool, const ROLLING: bool, F: Friction>
+    Hooke<D, FRICTION, ROLLING, F>
+{
+    /// The same with this friction.
+    fn with(springs: &Springs, contact: &Contact, friction: F) -> Self {
         Self {
             normal_stiffness: springs.normal_stiffness,
             tangential_stiffness: springs.tangential_stiffness,
@@ -225,7 +265,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION,
             densities: contact.densities(D::volume(1.0) * springs.density),
             damping_ratio: springs.damping_ratio,
             sliding_damping: springs.sliding_damping,
-            friction: contact.friction,
+            friction,
             rolling: Rolling::new(springs, contact),
             space: PhantomData,
         }
@@ -238,18 +278,20 @@ const DAMPING: usize = 0;
 /// Rows of the law without rolling.
 const PLAIN: usize = 1;
 
-impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
-    for Hooke<D, FRICTION, ROLLING>
+impl<D: Dimension, const FRICTION: bool, const ROLLING: bool, F: Friction> ContactLaw
+    for Hooke<D, FRICTION, ROLLING, F>
 {
     type Space = D;
     const PARAMETERS: usize = PLAIN + if ROLLING { rolling::PARAMETERS } else { 0 };
-    const HISTORY: usize = if FRICTION { D::SPINS } else { 0 } + ROLLING as usize;
+    const HISTORY: usize = if FRICTION { D::SPINS + F::HISTORY } else { 0 } + ROLLING as usize;
     // In two dimensions the second place is for the last k_t, which this law does not need.
-    const HISTORY_PLACES: &'static [usize] = match (D::SPINS, FRICTION) {
-        (3, _) => &[0, 1, 2],
-        (_, true) => &[0, 2],
-        (_, false) => &[2],
+    const HISTORY_PLACES: &'static [usize] = match (D::SPINS, FRICTION, Self::AGES) {
+        (3, _, _) => &[0, 1, 2, AGE],
+        (_, true, true) => &[0, AGE, 2],
+        (_, true, false) => &[0, 2],
+        (_, false, _) => &[2],
     };
+    const AGES: bool = FRICTION && F::HISTORY > 0;
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = ROLLING;
     const CUTS_DAMPERS: bool = true;
@@ -312,7 +354,9 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     }
 }
 
-impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION, ROLLING> {
+impl<D: Dimension, const FRICTION: bool, const ROLLING: bool, F: Friction>
+    Hooke<D, FRICTION, ROLLING, F>
+{
     /// Computes F_n.
     #[inline(always)]
     fn normal_force<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
@@ -357,7 +401,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION,
             // The part of the damper that is cut with the spring, and the part beside the slider.
             let cut = L::splat(token, 1.0 - self.sliding_damping) * gamma_t;
             let beside = L::splat(token, self.sliding_damping) * gamma_t;
-            let limit = L::splat(token, self.friction) * L::load(token, &response.normal);
+            let normal = L::load(token, &response.normal);
             let before = vector(token, history, components);
             let elastic = scaled_sum(-k_t, &slip, &before);
             let viscous = scaled(&v_t, cut);
@@ -372,6 +416,20 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION,
                 was_at_limit: L::mask(token, response.sliding),
                 touching,
             };
+            let kept = &mut history[components..][..F::HISTORY];
+            let mut friction = self
+                .friction
+                .of_stuck(token, kept, touching, blocks.per_step);
+            if Self::AGES {
+                let slip = SlipOfStep {
+                    way: slip,
+                    components,
+                    sliding: spring.exceeds(friction * normal),
+                    per_step: blocks.per_step,
+                };
+                friction = self.friction.of_sliding(token, kept, &slip, friction);
+            }
+            let limit = friction * normal;
             let slid = spring.slide_together(token, limit);
             response.sliding = slid.at_limit.bits();
             for k in 0..components {
@@ -403,8 +461,8 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION,
     }
 }
 
-impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
-    for Hooke<D, FRICTION, ROLLING>
+impl<D: Dimension, const FRICTION: bool, const ROLLING: bool, F: Friction> Stiffness
+    for Hooke<D, FRICTION, ROLLING, F>
 {
     fn derivatives(&self, state: &SpringState) -> Derivatives {
         let [slides, rolls, _] = state.limits;
@@ -419,8 +477,8 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
             _ => [first, 0.0, 0.0],
         };
         if FRICTION {
-            let limit = d.limit(self.friction);
-            d.tangential = SpringForce::new(force, self.tangential_stiffness, limit, slides);
+            let friction = self.friction.at_age(state.age);
+            d.tangential = d.friction(force, self.tangential_stiffness, friction, slides);
         }
         if ROLLING {
             d.rolling = self.rolling.derivatives(torque, state.radii, &d, rolls);
@@ -441,6 +499,7 @@ mod tests {
         density: 2500.0,
         damping_ratio: 0.2,
         sliding_damping: 0.0,
+        ageing: None,
     };
     const CONTACT: Contact = Contact {
         friction: 0.4,
@@ -555,6 +614,42 @@ mod tests {
         let [with, without] = [&springs, &SPRINGS].map(|s| with_springs(s, below, [0.05, 1e-6]));
         close(with.0[1], without.0[1]);
         assert_eq!((with.1, with.2), (without.1, without.2));
+    }
+
+    /// K of a contact that slides on: friction falls with the slip, which renews it. By differences
+    /// of the law's own forces at a slip of h and 2h.
+    #[test]
+    fn friction_of_a_renewed_contact_falls_over_the_slip() {
+        let ageing = Ageing {
+            growth: 0.1,
+            time: 2e-3,
+            slip: Some(1e-6),
+        };
+        let friction = Aged::new(CONTACT.friction, &ageing);
+        let law = Hooke::<Two, true, false, Aged>::with(&SPRINGS, &CONTACT, friction);
+        let (overlap, age, h) = (1e-6, 5e-3, 1e-11);
+        let limit = 0.4 * (1.0 + 0.1 * (1.0 + age / 2e-3_f64).ln()) * 2.0;
+        let force = |slip| {
+            let mut history = [-limit, age];
+            let motion = [overlap, 0.0, 0.0, slip, 0.0, 0.0];
+            let r = response_of(&law, RADII, motion, &mut history);
+            assert!(slip == 0.0 || r.sliding != 0);
+            r.tangential[0].0[3]
+        };
+        let [one, two] = [h, 2.0 * h].map(|slip| force(slip) - force(0.0));
+        let slope = (4.0 * one - two) / (2.0 * h);
+        let found = law.derivatives(&SpringState {
+            materials: [0; 2],
+            radii: RADII,
+            overlap,
+            history: [-limit, 0.0, 0.0],
+            torques: [0.0; 4],
+            age,
+            limits: [Some(true), None, None],
+        });
+        let along = found.tangential.along;
+        assert!((along / -slope - 1.0).abs() < 1e-4, "{along} {slope}");
+        close(found.tangential.value[0], -limit);
     }
 
     /// F_n is 0 if the damper alone would make it negative.

@@ -356,6 +356,28 @@ pub const SLIDING_DAMPING: Key = Key {
         )
         .doc("share of the tangential damper that acts on sliding contacts, too")
 };
+/// β of contacts that age.
+pub const AGEING: Key = Key {
+    default: "0.0",
+    ..Key::number("contact.ageing", NOT_NEGATIVE)
+        .such_as("beta", "", "0.02")
+        .doc("growth β of friction with the age θ of a contact, μ_s (1 + β ln(1 + θ/θ_0))")
+};
+/// θ_0 of contacts that age.
+pub const AGEING_TIME: Key = Key {
+    condition: "with `ageing`",
+    ..Key::number("contact.ageing_time", POSITIVE)
+        .such_as("theta_0", "s", "1e-4")
+        .doc("time θ_0 of ageing")
+};
+/// D of contacts that age.
+pub const AGEING_SLIP: Key = Key {
+    condition: "with `ageing`",
+    ..Key::number("contact.ageing_slip", POSITIVE)
+        .such_as("D", "m", "1e-6")
+        .doc("slip D of a contact that makes it e times younger; without it slip does not")
+        .otherwise("none")
+};
 /// The values of [`TANGENTIAL_HISTORY`].
 pub const HISTORIES: [&str; 2] = ["displacement", "force"];
 /// What a contact remembers of its tangential spring.

@@ -5,6 +5,7 @@
 //! stability and its derivatives. To add a law, write its file and add it to [`LAWS`].
 
 mod adhering;
+pub mod ageing;
 pub mod damping;
 pub mod hertz;
 pub mod hooke;

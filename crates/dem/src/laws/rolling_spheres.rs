@@ -29,7 +29,8 @@ use super::{Constants, Contact};
 use crate::contact::parts::{self, SpringWork};
 use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, CARRY, ContactLaw, Jump, PairMotion, Response, TORQUES, Turning, dissipation, vector,
+    AGE, Blocks, CARRY, ContactLaw, Jump, PairMotion, Response, TORQUES, Turning, dissipation,
+    vector,
 };
 use crate::dimension::{Dimension, Three};
 use crate::kernel::PairForce;
@@ -95,6 +96,8 @@ impl<C: ContactLaw> Resisting<C> {
 const OWN: usize = 2 * rolling::PARAMETERS;
 /// Most parameters of a law between spheres.
 const MOST: usize = 4;
+/// Most numbers of its history: of the tangential spring, and the age.
+const MOST_HISTORY: usize = 4;
 
 /// Blocks whose parameters and histories are put in a row at a time.
 const TOGETHER: usize = 4;
@@ -104,11 +107,12 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
     const PARAMETERS: usize = C::PARAMETERS + OWN;
     const HISTORY: usize = C::HISTORY + TORQUES;
     // Without friction the torques come first.
-    const HISTORY_PLACES: &'static [usize] = if C::FRICTION {
-        &[0, 1, 2, 3, 4, 5, 6]
-    } else {
-        &[3, 4, 5, 6]
+    const HISTORY_PLACES: &'static [usize] = match (C::FRICTION, C::AGES) {
+        (true, true) => &[0, 1, 2, AGE, 3, 4, 5, 6],
+        (true, false) => &[0, 1, 2, 3, 4, 5, 6],
+        (false, _) => &[3, 4, 5, 6],
     };
+    const AGES: bool = C::AGES;
     const HISTORY_UNIT: &'static str = C::HISTORY_UNIT;
     // The motion across n is needed.
     const FRICTION: bool = true;
@@ -270,7 +274,7 @@ impl<C: ContactLaw<Space = Three>> Resisting<C> {
             token,
             &mut Blocks {
                 parameters: &parameters[..C::PARAMETERS],
-                history: &mut [Lanes16::ZERO; 3][..C::HISTORY],
+                history: &mut [Lanes16::ZERO; MOST_HISTORY][..C::HISTORY],
                 motion: &[motion],
                 turning: &mut [],
                 per_step: 0.0,
@@ -286,7 +290,7 @@ impl<C: ContactLaw<Space = Three>> Resisting<C> {
     #[inline(always)]
     fn evaluate_law<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let mut parameters = [Lanes16::ZERO; TOGETHER * MOST];
-        let mut history = [Lanes16::ZERO; TOGETHER * 3];
+        let mut history = [Lanes16::ZERO; TOGETHER * MOST_HISTORY];
         for first in (0..blocks.motion.len()).step_by(TOGETHER) {
             let part = first..blocks.motion.len().min(first + TOGETHER);
             for (k, block) in part.clone().enumerate() {

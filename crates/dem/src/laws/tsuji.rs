@@ -38,6 +38,7 @@ use super::keys::{
 };
 use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
+use crate::contact::friction::Coulomb;
 use crate::dimension::{Dimensions, Three};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, inverse_sqrt};
@@ -112,12 +113,8 @@ impl TsujiSpheres {
 
     fn force<const FRICTION: bool>(&self, contact: &Contact) -> Hertz<FRICTION, Tsuji> {
         let constant = self.damping() * self.spheres.normal_stiffness().sqrt();
-        Hertz::damped(
-            &self.spheres,
-            contact,
-            constant,
-            self.tangential_damping_ratio,
-        )
+        let dampers = [constant, self.tangential_damping_ratio];
+        Hertz::damped(&self.spheres, contact, dampers, Coulomb(contact.friction))
     }
 }
 

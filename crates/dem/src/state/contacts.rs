@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use crate::contact::TORQUES;
+use crate::contact::History;
 use crate::contact::model::{Elastic, PairModel};
 use crate::simd::{Isa, LANES, Lanes16, PairBlock, PairList, Pairs, clear_for};
 use crate::workers::{self, Workers, tail, tail_mut};
@@ -494,21 +494,18 @@ impl Contacts {
 
     /// The history of a touching contact, with the ids of its grains.
     pub fn state(&self, law: &dyn PairModel, at: Touching, id: &[u32]) -> ContactState {
-        let mut history = [0.0; 3 + TORQUES];
+        let mut history = History::default();
         let lanes = &self.history[at.block * self.history_lanes..][..self.history_lanes];
         for (place, lanes) in law.layout().history.iter().zip(lanes) {
             history[*place] = lanes.0[at.lane];
         }
         let [slides, rolls, twists, idle] = limits_of(self.limits[at.block], at.lane);
         let limits = [slides, rolls, twists].map(|is_at| self.limits_are_known.then_some(is_at));
-        let [a, b, c, torques @ ..] = history;
         ContactState {
-            i: id[at.i],
-            j: id[at.j],
-            history: [a, b, c],
             limits: ContactState::stored(limits, idle),
-            torques,
+            ..ContactState::new(id[at.i], id[at.j], [0.0; 3])
         }
+        .with_histories(history)
     }
 
     /// The touching contacts, for the next list of the same grains. Their histories are gone from

@@ -54,6 +54,8 @@ pub struct ContactSample {
     pub twisting: u64,
     /// 1 if spring and damper leave no force, as [`super::ContactState::is_idle`], else 0.
     pub idle: u64,
+    /// Age, where friction grows with it (s).
+    pub age: f64,
 }
 
 impl ContactSample {

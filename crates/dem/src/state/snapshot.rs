@@ -59,6 +59,8 @@ pub struct ContactState {
     /// Elastic torques on i that resist the rolling and twisting of spheres: a vector in the
     /// tangent plane and the component along n (N m).
     pub torques: [f64; 4],
+    /// Age (s), where friction grows with it.
+    pub age: f64,
 }
 
 /// The bits of [`ContactState::limits`] of friction, rolling and twisting: at the limit, and known.
@@ -73,13 +75,25 @@ impl ContactState {
             history,
             limits: 0,
             torques: [0.0; TORQUES],
+            age: 0.0,
         }
     }
 
-    /// History and torques.
-    pub(crate) fn all_histories(&self) -> History {
+    /// History, torques and age.
+    pub fn all_histories(&self) -> History {
         let ([a, b, c], [d, e, f, g]) = (self.history, self.torques);
-        [a, b, c, d, e, f, g]
+        [a, b, c, d, e, f, g, self.age]
+    }
+
+    /// The same with these.
+    #[must_use]
+    pub fn with_histories(self, [a, b, c, d, e, f, g, age]: History) -> Self {
+        Self {
+            history: [a, b, c],
+            torques: [d, e, f, g],
+            age,
+            ..self
+        }
     }
 
     /// Whether it was at the limit of friction, at that of rolling and at that of twisting, when
@@ -113,7 +127,8 @@ impl ContactState {
         &bytemuck::bytes_of(self)[..std::mem::offset_of!(Self, limits)]
     }
 
-    /// What the motion of spheres depends on beside that: at which limits it is, and the torques.
+    /// What the motion of spheres depends on beside that but for the age: at which limits it is, and
+    /// the torques.
     pub(crate) fn moving_spheres(&self) -> (i64, [f64; TORQUES]) {
         let [[slides, _], [rolls, _], _] = LIMITS;
         (self.limits & (slides | rolls), self.torques)

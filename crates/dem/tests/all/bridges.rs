@@ -214,6 +214,7 @@ fn derivatives_are_those_of_the_forces() {
             overlap,
             history: [0.0; 3],
             torques: [0.0; 4],
+            age: 0.0,
             limits: [None; 3],
         })
     };

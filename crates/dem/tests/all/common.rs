@@ -84,6 +84,7 @@ pub const fn elastic(normal_stiffness: f64, tangential_stiffness: f64, density: 
         density,
         damping_ratio: 0.0,
         sliding_damping: 0.0,
+        ageing: None,
     }
 }
 
@@ -91,6 +92,7 @@ pub const fn elastic(normal_stiffness: f64, tangential_stiffness: f64, density: 
 pub const fn undamped(young_modulus: f64, poisson_ratio: f64, density: f64) -> Spheres {
     Spheres {
         remembers_force: false,
+        ageing: None,
         young_modulus,
         poisson_ratio,
         density,

@@ -60,6 +60,7 @@ fn laws(dimension: Dimensions) -> Vec<(Law, &'static str, &'static str)> {
             density: DENSITY,
             damping_ratio,
             sliding_damping,
+            ageing: None,
         };
         Law::of(&hooke::KIND, springs)
     };

@@ -6,6 +6,7 @@ use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Outside;
+use gshear_dem::laws::ageing::Ageing;
 use gshear_dem::laws::hertz::{self, Spheres};
 use gshear_dem::laws::hooke::{self, Springs};
 use gshear_dem::laws::mindlin::{self, MindlinSprings};
@@ -102,6 +103,8 @@ fn couple<D: LawSpace>(
 ) -> Rig<D> {
     let contacts = vec![ContactState {
         torques,
+        // Of friction that grows with it.
+        age: 0.1,
         ..ContactState::new(0, 1, history)
     }];
     let force = D::pair_force(law, contact).expect("a law of this dimension");
@@ -197,6 +200,31 @@ fn sticking_and_sliding_are_of_second_order() {
         for_all_laws::<Three>(SPRINGS, |law, resists| {
             is_of_second_order::<Three>(law, resists, slides);
         });
+    }
+}
+
+/// Friction that grows with the age of the contact, while slip of twice the length that renews it
+/// changes it by a tenth.
+#[test]
+fn sliding_with_age_is_of_second_order() {
+    let ageing = Some(Ageing {
+        growth: 0.5,
+        time: 0.3,
+        slip: Some(0.1),
+    });
+    let springs = Springs { ageing, ..SPRINGS };
+    let spheres = Spheres {
+        normal_damping: 0.8,
+        tangential_damping: 0.4,
+        ageing,
+        ..undamped(12.0, 0.3, 1.5)
+    };
+    let hooke = Law::of(&hooke::KIND, springs);
+    let hertz = Law::of(&hertz::KIND, spheres);
+    for resists in [false, true] {
+        is_of_second_order::<Two>(&hooke, resists, true);
+        is_of_second_order::<Three>(&hooke, resists, true);
+        is_of_second_order::<Three>(&hertz, resists, true);
     }
 }
 

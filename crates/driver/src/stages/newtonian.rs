@@ -372,6 +372,7 @@ mod tests {
             density: 2500.0,
             damping_ratio: 0.1,
             sliding_damping: 0.0,
+            ageing: None,
         };
         let law = Hooke::<Two, false, false>::new(&springs, &Contact::default());
         let sheared = Sheared {

@@ -355,6 +355,7 @@ mod tests {
         density: 1.0,
         damping_ratio: 0.0,
         sliding_damping: 0.0,
+        ageing: None,
     };
 
     fn law(friction: f64) -> Hooke<Two, true, false> {

@@ -323,6 +323,7 @@ fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldCompari
         walls: a.form().walls && b.form().walls,
         // Without them the other run has nothing to compare.
         histories: a.form().histories && b.form().histories,
+        ages: a.form().ages && b.form().ages,
         ..b.form()
     };
     let mut fields = FrameComparison::new(form);

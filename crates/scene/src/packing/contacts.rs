@@ -5,9 +5,9 @@ use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use gshear_dem::contact::TORQUES;
 use gshear_dem::contact::model::Layout;
 use gshear_dem::contact::stiffness::{SpringState, Stiffness};
+use gshear_dem::contact::{AGE, History, TORQUES};
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::failure::Result;
 use gshear_dem::laws::LawSpace;
@@ -24,8 +24,6 @@ use crate::words::quoted;
 
 /// What such a file is, for messages.
 const FORMAT: &str = "a table of contacts (CSV)";
-/// Numbers of a history, and of the torques of spheres.
-const NUMBERS: usize = 3 + TORQUES;
 /// What stands for a flat wall in the column j: the bottom and the top.
 const FLAT: [i64; 2] = [-1, -2];
 /// The limits that a contact may be at, and whether it is idle.
@@ -37,7 +35,7 @@ const BEYOND: f64 = 1.01;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct HistoryColumn {
     name: &'static str,
-    /// Its place in the history and the torques of a [`ContactState`].
+    /// Its place in a [`History`].
     place: usize,
 }
 
@@ -51,6 +49,7 @@ fn history_columns(dimension: Dimensions, layout: &Layout) -> Vec<HistoryColumn>
         "twisting_history",
     ];
     let name = |place: usize| match (dimension, place) {
+        (_, AGE) => Some("age"),
         (Dimensions::Two, 0) => Some("tangential_history"),
         (Dimensions::Two, 2) => Some("rolling_history"),
         (Dimensions::Two, _) => None,
@@ -129,7 +128,7 @@ fn write_in<D: LawSpace>(state: &TabledState<'_>, id: impl Fn(u32) -> u64) -> St
         };
         let _ = write!(text, "{},{j},{:?}", id(contact.i), springs.0.overlap);
         let [normal, tangential @ ..] = derivatives;
-        let all = all_histories(contact);
+        let all = contact.all_histories();
         let numbers = [normal].into_iter();
         let numbers = numbers.chain(tangential.into_iter().take(components.len()));
         let numbers = numbers.chain(histories.iter().map(|column| all[column.place]));
@@ -147,12 +146,6 @@ fn write_in<D: LawSpace>(state: &TabledState<'_>, id: impl Fn(u32) -> u64) -> St
         text.push('\n');
     }
     text
-}
-
-/// The numbers of a history and of torques.
-fn all_histories(contact: &ContactState) -> [f64; NUMBERS] {
-    let ([a, b, c], [d, e, f, g]) = (contact.history, contact.torques);
-    [a, b, c, d, e, f, g]
 }
 
 /// The springs of a contact.
@@ -186,6 +179,7 @@ impl Springs {
             overlap,
             history: contact.history,
             torques: contact.torques,
+            age: contact.age,
             // Forces of springs are not cut.
             limits: [Some(false); 3],
         })
@@ -308,7 +302,7 @@ impl ContactTable {
             })?;
         }
         let is_known = |column: &str| {
-            let histories = [&FORCES[..], &DISPLACEMENTS].concat();
+            let histories = [&FORCES[..], &DISPLACEMENTS, &["age"]].concat();
             histories.contains(&column) || column.contains("_history") || FLAGS.contains(&column)
         };
         let mut values = Vec::with_capacity(cells.len());
@@ -376,7 +370,7 @@ impl ContactTable {
                 let what = format!("the contact of {i} and {j} was on line {first} already");
                 return Err(self.wrong(row, what));
             }
-            let mut numbers = [0.0; NUMBERS];
+            let mut numbers = History::default();
             for (column, place) in columns.iter().zip(&places) {
                 let value = row.values[*place];
                 if value.is_nan() {
@@ -385,7 +379,6 @@ impl ContactTable {
                 }
                 numbers[column.place] = value;
             }
-            let [a, b, c, torques @ ..] = numbers;
             let mut is_at = [None; 4];
             for (is_at, place) in is_at.iter_mut().zip(flags) {
                 *is_at = match place.map(|place| row.values[place]) {
@@ -404,9 +397,9 @@ impl ContactTable {
             let [slides, rolls, twists, idle] = is_at;
             let contact = ContactState {
                 limits: ContactState::stored([slides, rolls, twists], idle.unwrap_or(false)),
-                torques,
-                ..ContactState::new(i, j, [a, b, c])
-            };
+                ..ContactState::new(i, j, [0.0; 3])
+            }
+            .with_histories(numbers);
             let springs = Springs::of::<D>(&state, &contact).0;
             let gap = law.gap(springs.materials, springs.radii);
             // NaN touches nothing.

@@ -131,6 +131,8 @@ record! {
     Signed limits 1;
     // Of spheres that resist rolling or twisting.
     OptionalNumber torques 4;
+    // Of contacts that age.
+    OptionalNumber age 1;
 }
 
 record! {

@@ -22,7 +22,7 @@ pub use self::owner::{Owner, owner};
 use self::verify::FrameSums;
 use crate::box_columns::{AqsRow, NewtonianRow, StrainProtocolRow, strain_columns};
 use crate::checksums;
-use crate::contact_quantities::{IDLE, TANGENTIAL_HISTORY, TWISTING};
+use crate::contact_quantities::{AGE, IDLE, TANGENTIAL_HISTORY, TWISTING};
 use crate::file_names::{RUN_FILE, folder_of};
 use crate::layout::{
     ContactTable, FrameFormat, IMAGE, OBSERVABLES, PARTICLES, REMOVED, contact_dataset, elements,
@@ -290,6 +290,7 @@ impl RunFile {
             torques,
             idle: source.exists(&contact_dataset(IDLE)),
             histories: source.exists(&contact_dataset(TANGENTIAL_HISTORY)),
+            ages: source.exists(&contact_dataset(AGE)),
             removed: source.exists(&grain_dataset(&REMOVED.column)),
             walls: source.exists(ContactTable::Walls.group()),
         };

@@ -45,6 +45,7 @@ impl RunFile {
         ContactState {
             limits: ContactState::stored(limits, c.idle != 0),
             torques: c.torques,
+            age: c.age,
             ..ContactState::new(c.i, c.j, history)
         }
     }
