@@ -172,7 +172,6 @@ fn sample() -> Vec<Curve> {
     let undamped = Material {
         damping_ratio: 0.0,
         sliding_damping: 0.0,
-        ageing: None,
         ..material
     };
     let whole = LeeHurley::<true, true>::new(&material, &contact);

@@ -87,7 +87,6 @@ impl Sample {
             density: of("material.density"),
             damping_ratio: of("contact.damping_ratio"),
             sliding_damping: 0.0,
-            ageing: None,
         }
     }
 

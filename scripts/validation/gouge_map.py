@@ -52,7 +52,7 @@ WALLS = {
     50e3: (0.8e-6,),
     10e3: (4e-6,),
 }
-LONG = ((20e3, 2e-6), (2e3, 40e-6))
+LONG = ((20e3, 2e-6), (2e3, 40e-6), (20e3, 1e-6), (100e3, 0.4e-6), (5e3, 4e-6))
 LARGE = ((20e3, 2e-6), (2e3, 40e-6), (100e3, 0.4e-6))
 LOADS = ((20e3, 0.2e6), (2e3, 0.5e6))
 LARGE_SIZE = ("sample.grains=4815", "sample.length=60e-3", "sample.width=60e-3")

@@ -25,6 +25,7 @@ mod contracts_of_protocols;
 mod contracts_of_spheres;
 mod contracts_of_springs;
 mod damage;
+mod damped_motion;
 mod dissipation;
 mod ends_of_parts;
 mod ends_of_stages;

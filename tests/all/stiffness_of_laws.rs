@@ -4,8 +4,8 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use faer::{Par, c64};
-use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble};
+use faer::{Mat, Par, c64};
+use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble, damping};
 use gshear_dem::adhesions::constant::Constant;
 use gshear_dem::adhesions::dmt::Dmt;
 use gshear_dem::adhesions::jkr::Jkr;
@@ -15,7 +15,9 @@ use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::kernel::{ContactForces, PairForce};
-use gshear_dem::laws::keys::{AGEING, AGEING_SLIP, Key, KeyReader, TANGENTIAL_HISTORY};
+use gshear_dem::laws::keys::{
+    AGEING, AGEING_SLIP, Key, KeyReader, SLIDING_DAMPING, TANGENTIAL_HISTORY,
+};
 use gshear_dem::laws::mixture::pair_force;
 use gshear_dem::laws::{Contact, LAWS, Law, LawKind, LawSpace};
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared, body, length};
@@ -37,71 +39,55 @@ const H: f64 = 2e-5;
 /// θ_0 (s), by the example of its key.
 const AGEING_TIME: f64 = 1e-4;
 
-/// Gives every key its example; of keys that exclude each other the first.
-struct Examples;
+/// Gives every key its example, but for these; of keys that exclude each other the first.
+struct Examples {
+    instead: Vec<(&'static str, Option<f64>)>,
+    history: Option<&'static str>,
+}
 
-/// The same, with friction that grows with the age.
-struct OfAges;
-
-impl KeyReader for OfAges {
-    fn number(&mut self, key: &Key) -> Option<f64> {
-        match key.path {
-            path if path == AGEING.path => Some(0.1),
-            // K takes what slides as sliding on: a difference to both sides does not.
-            path if path == AGEING_SLIP.path => None,
-            _ => Examples.number(key),
-        }
-    }
-
-    fn required(&mut self, key: &Key) -> f64 {
-        Examples.required(key)
-    }
-
-    fn exactly_one(&mut self, _: &[&Key], _: &str) -> usize {
-        0
-    }
-
-    fn useless(&mut self, _: &Key, _: &str) {}
-
-    fn refuse(&mut self, key: &Key, what: &str) {
-        Examples.refuse(key, what);
+/// Without dampers on sliding contacts, which act without F_n, too, and without ages.
+fn examples() -> Examples {
+    Examples {
+        instead: vec![(SLIDING_DAMPING.path, Some(0.0)), (AGEING.path, Some(0.0))],
+        history: None,
     }
 }
 
+/// The same, with friction that grows with the age. K takes what slides as sliding on: a difference
+/// to both sides does not, so slip changes no age.
+fn of_ages() -> Examples {
+    let mut ages = examples();
+    ages.instead[1] = (AGEING.path, Some(0.1));
+    ages.instead.push((AGEING_SLIP.path, None));
+    ages
+}
+
 /// The same, with springs that remember their force.
-struct OfForces;
-
-impl KeyReader for OfForces {
-    fn number(&mut self, key: &Key) -> Option<f64> {
-        Examples.number(key)
+fn of_forces() -> Examples {
+    Examples {
+        history: Some("force"),
+        ..examples()
     }
+}
 
-    fn choice(&mut self, key: &Key) -> Option<&'static str> {
-        (key.path == TANGENTIAL_HISTORY.path).then_some("force")
-    }
-
-    fn required(&mut self, key: &Key) -> f64 {
-        Examples.required(key)
-    }
-
-    fn exactly_one(&mut self, _: &[&Key], _: &str) -> usize {
-        0
-    }
-
-    fn useless(&mut self, _: &Key, _: &str) {}
-
-    fn refuse(&mut self, key: &Key, what: &str) {
-        Examples.refuse(key, what);
-    }
+/// The same, with a part of the dampers on sliding contacts.
+fn of_shares() -> Examples {
+    let mut shares = examples();
+    shares.instead[0] = (SLIDING_DAMPING.path, Some(0.3));
+    shares
 }
 
 impl KeyReader for Examples {
     fn number(&mut self, key: &Key) -> Option<f64> {
-        // The damper acts without F_n, too; contacts that age are those of `OfAges`.
-        if ["contact.sliding_damping", AGEING.path].contains(&key.path) {
-            return Some(0.0);
+        let mut instead = self.instead.iter();
+        match instead.find(|(path, _)| *path == key.path) {
+            Some((_, value)) => *value,
+            None => Some(key.example.parse().expect("an example is a number")),
         }
-        Some(key.example.parse().expect("an example is a number"))
+    }
+
+    fn choice(&mut self, key: &Key) -> Option<&'static str> {
+        self.history.filter(|_| key.path == TANGENTIAL_HISTORY.path)
     }
 
     fn required(&mut self, key: &Key) -> f64 {
@@ -342,14 +328,54 @@ impl<'a, D: Dimension> Packing<'a, D> {
             fields[D::HALF_SPIN + k - D::AXES] = h / STEP;
         }
         self.forces(None);
-        let grains = self.system.grains_mut();
-        grains.record.copy_from_slice(&record);
+        self.system.grains_mut().record.copy_from_slice(&record);
+        self.system.contacts.history = history;
+        self.forces_by_id()
+    }
+}
+
+impl<D: Dimension> Packing<'_, D> {
+    /// C.
+    fn damping(&mut self) -> Mat<f64> {
+        let contacts = self.system.contact_states(self.law);
+        let state = NetworkState {
+            flat: None,
+            grains: &self.system.grain_states(),
+            contacts: &contacts,
+            cell: self.system.cell,
+            masses: &MASSES,
+            at_rest: true,
+        };
+        damping::<D>(state, self.law).to_dense()
+    }
+
+    /// Forces and torques on all grains, by id, at this velocity of an unknown of a grain, the
+    /// others at rest. No time passes.
+    fn pushed(&mut self, (grain, k): (u32, usize), velocity: f64) -> Vec<f64> {
+        let history = self.system.contacts.history.clone();
+        self.system.contacts.limits_are_known = false;
+        let ids = &self.system.grains().id;
+        let at = ids.iter().position(|id| *id == grain).expect("a grain");
+        let place = if k < D::AXES {
+            D::VELOCITY + k
+        } else {
+            D::SPIN + k - D::AXES
+        };
+        self.system.grains_mut().fields_mut(at)[place] = velocity;
+        let outside = forces(&Solo, &mut self.system, self.law, &mut NoWalls, 0.0, None);
+        assert_eq!(outside, None);
+        self.system.grains_mut().fields_mut(at)[place] = 0.0;
+        self.system.contacts.history = history;
+        self.forces_by_id()
+    }
+
+    /// The forces and torques of the last computation.
+    fn forces_by_id(&mut self) -> Vec<f64> {
+        let grains = self.system.grains();
         let mut by_id: Vec<usize> = (0..grains.owned).collect();
         by_id.sort_unstable_by_key(|&g| grains.id[g]);
         let found = by_id.into_iter().map(|g| &grains.force[g]);
-        let found = found.flat_map(|f| f[..Self::unknowns()].to_vec()).collect();
-        self.system.contacts.history = history;
-        found
+        found.flat_map(|f| f[..Self::unknowns()].to_vec()).collect()
     }
 }
 
@@ -393,6 +419,34 @@ fn agrees<D: LawSpace>(laws: &[(Law, Contact)]) {
     assert!(worst < 1e-8 * greatest, "{name}: {:e}", worst / greatest);
 }
 
+/// Every entry of C, to 1e-8 of the greatest, against differences of the forces by velocities.
+fn damps<D: LawSpace>(law: &Law, contact: &Contact) {
+    let name = name_of::<D>(law, contact);
+    let force = D::pair_force(law, contact).expect("forces");
+    let mut packing = Packing::<D>::new(force.as_ref(), contact, cell(1.0));
+    let jacobian = packing.jacobian(true);
+    let (c, per_grain) = (packing.damping(), jacobian.per_grain);
+    let greatest = c.norm_max();
+    if law.kind().name == "mindlin" && !contact.resists_rotation() {
+        assert_eq!(greatest, 0.0);
+    }
+    // So slow that no contact changes its state.
+    let normal = 0.03 * law.normal_stiffness(0.5, 0.5, 0.03);
+    let velocity = 1e-4 * normal / greatest.max(1e-3 * normal);
+    let mut worst = 0.0f64;
+    for column in 0..jacobian.unknowns() {
+        let unknown = (jacobian.grains[column / per_grain], column % per_grain);
+        let [a, b, e, f] =
+            [-2.0, -1.0, 1.0, 2.0].map(|part| packing.pushed(unknown, part * velocity));
+        for row in 0..jacobian.unknowns() {
+            let at = jacobian.grains[row / per_grain] as usize * per_grain + row % per_grain;
+            let slope = (a[at] - 8.0 * b[at] + 8.0 * e[at] - f[at]) / (12.0 * velocity);
+            worst = worst.max((c[(row, column)] + slope).abs());
+        }
+    }
+    assert!(worst <= 1e-8 * greatest, "{name}: {:e}", worst / greatest);
+}
+
 /// Contacts that separate so fast that their dampers leave no force: K adds as much for them as
 /// differences of the forces, without an attraction nothing. Without dampers every contact has a
 /// force.
@@ -432,7 +486,7 @@ fn idle<D: LawSpace>(law: &Law, contact: &Contact) {
 /// Whether K and the forces agree with each choice of friction and rolling resistance, of spheres
 /// also of twisting resistance.
 fn agrees_with_all_limits<D: LawSpace>(kind: &'static LawKind, rolls: bool) {
-    let law = Law::read(kind, &mut Examples);
+    let law = Law::read(kind, &mut examples());
     let rolling: &[f64] = if rolls { &[0.0, 0.1] } else { &[0.0] };
     // Of a pair with this overlap about a half and a fifth of the spring's force.
     let force = 0.02 * law.normal_stiffness(0.5, 0.5, 0.03);
@@ -477,6 +531,7 @@ fn agrees_with_all_limits<D: LawSpace>(kind: &'static LawKind, rolls: bool) {
             let unlike = (law.clone(), other);
             agrees::<D>(&[of_all.clone(), unlike.clone(), unlike, of_all]);
             idle::<D>(&law, &contact);
+            damps::<D>(&law, &contact);
         }
     }
 }
@@ -498,7 +553,7 @@ fn stiffness_is_the_derivative_of_the_forces_of_every_law() {
 fn stiffness_has_the_friction_of_the_age() {
     for (kind, resists) in [("hooke", false), ("hertz", false), ("hertz", true)] {
         let kind = LAWS.iter().find(|law| law.name == kind).expect("a law");
-        let law = Law::read(kind, &mut OfAges);
+        let law = Law::read(kind, &mut of_ages());
         let rolling_friction = if resists { 0.1 } else { 0.0 };
         let contact = Contact {
             friction: 0.4,
@@ -514,6 +569,33 @@ fn stiffness_has_the_friction_of_the_age() {
     }
 }
 
+/// Dampers of which a part acts on sliding contacts, and those beside springs that remember their
+/// force.
+#[test]
+fn damping_is_the_derivative_of_the_forces_by_velocities() {
+    let contact = Contact {
+        friction: 0.4,
+        ..Contact::NONE
+    };
+    for (name, mut values) in [
+        ("lee-hurley", of_shares()),
+        ("hooke", of_shares()),
+        ("hooke", of_ages()),
+        ("hertz", of_ages()),
+        ("hertz", of_forces()),
+        ("hertz-tsuji", of_forces()),
+    ] {
+        let kind = LAWS.iter().find(|law| law.name == name).expect("a law");
+        let law = Law::read(kind, &mut values);
+        if kind.dimensions.contains(&Dimensions::Two) {
+            damps::<Two>(&law, &contact);
+        }
+        if kind.dimensions.contains(&Dimensions::Three) {
+            damps::<Three>(&law, &contact);
+        }
+    }
+}
+
 /// Springs that remember their force: K is the derivative of the forces while all overlaps grow. By
 /// differences after steps in which they have grown by a part, 0 by Richardson's extrapolation of
 /// three parts.
@@ -521,7 +603,7 @@ fn stiffness_has_the_friction_of_the_age() {
 fn stiffness_of_remembered_forces_is_that_of_growing_overlaps() {
     for name in ["hertz", "hertz-tsuji"] {
         let kind = LAWS.iter().find(|law| law.name == name).expect("a law");
-        let law = Law::read(kind, &mut OfForces);
+        let law = Law::read(kind, &mut of_forces());
         let contact = Contact {
             friction: 0.4,
             ..Contact::NONE
@@ -560,7 +642,7 @@ fn stiffness_of_remembered_forces_is_that_of_growing_overlaps() {
 fn random_frame(random: &mut ChaCha8Rng) -> Option<Problem> {
     let law = Law::read(
         LAWS.iter().find(|l| l.name == "hooke").expect("hooke"),
-        &mut Examples,
+        &mut examples(),
     );
     let contact = Contact {
         friction: 0.4,
@@ -706,7 +788,7 @@ fn rolling_resistance_reaches_the_forces() {
             rolling_damping_ratio: 0.0,
             ..Contact::NONE
         };
-        let law = Law::read(kind, &mut Examples);
+        let law = Law::read(kind, &mut examples());
         let force = Two::pair_force(&law, &contact).expect("a law of disks");
         force.layout().history.len()
     };

@@ -1,7 +1,8 @@
 //! How stable a state is: complex pairs and negative eigenvalues of K v = λ M v.
 
 use faer::c64;
-use gshear_spectrum::{Problem, Spectrum, Verdict};
+use faer::sparse::SparseColMat;
+use gshear_spectrum::{DAMPED_ZERO, Problem, Spectrum, Verdict, damped_values};
 
 gshear_dem::columns! {
     /// Counts and extremes of all eigenvalues of a state.
@@ -24,6 +25,55 @@ gshear_dem::columns! {
         growth_rate: "s-1",
     }
 }
+
+gshear_dem::columns! {
+    /// Motions e^(st) of a state with its dampers, of (s² M + s C + K) v = 0.
+    pub struct DampedStability {
+        /// complex pairs s with Re s > 0, motions that oscillate and grow
+        growing_pairs: "1",
+        /// real s > 0
+        growing: "1",
+        /// greatest Re s of all but zero modes; negative where all motions decay
+        damped_growth_rate: "s-1",
+    }
+}
+
+impl DampedStability {
+    /// Of a state without eigenvalues.
+    pub const UNKNOWN: Self = Self::from_columns([f64::NAN; Self::COLUMNS.len()]);
+
+    /// Finds all eigenvalues by the dense QR algorithm on one thread, and counts those that grow.
+    /// `damping`: C over the unknowns of K.
+    ///
+    /// # Panics
+    /// If the QR algorithm does not converge.
+    pub fn of(problem: &Problem, damping: &SparseColMat<usize, f64>) -> Self {
+        let frequency = problem.norm().sqrt();
+        let mut stability = Self {
+            growing_pairs: 0.0,
+            growing: 0.0,
+            damped_growth_rate: f64::NEG_INFINITY,
+        };
+        for value in damped_values(problem, damping) {
+            if value.norm() <= DAMPED_ZERO * frequency {
+                continue;
+            }
+            stability.damped_growth_rate = stability.damped_growth_rate.max(value.re);
+            if value.re <= GROWING * frequency {
+                continue;
+            }
+            if value.im == 0.0 {
+                stability.growing += 1.0;
+            } else if value.im > 0.0 {
+                stability.growing_pairs += 1.0;
+            }
+        }
+        stability
+    }
+}
+
+/// Re s over the greatest frequency up to which rounding may be what grows.
+const GROWING: f64 = 1e-10;
 
 impl Stability {
     /// Of a state without eigenvalues.
@@ -103,5 +153,20 @@ mod tests {
         near(found.real_greatest, 3.0);
         // (a + ib)² = -1 + 0.1i: b² = (1 + √1.01)/2.
         near(found.growth_rate, (0.5 * (1.0 + 1.01f64.sqrt())).sqrt());
+
+        let damped = |damper: f64| {
+            let entries = (0..7).map(|i| Triplet::new(i, i, damper));
+            let entries: Vec<_> = entries.collect();
+            let c = SparseColMat::try_new_from_triplets(7, 7, &entries).unwrap();
+            DampedStability::of(&problem, &c)
+        };
+        // Without dampers s = ±i√λ: both pairs and √0.04 grow; of the pair with λ_r < 0 two s do,
+        // which are conjugate.
+        let free = damped(0.0);
+        assert_eq!([free.growing_pairs, free.growing], [2.0, 1.0]);
+        near(free.damped_growth_rate, found.growth_rate);
+        // A damper of 1 stops the pair 2 ± 0.5i, whose ω_i is 0.176, and no real one.
+        let held = damped(1.0);
+        assert_eq!([held.growing_pairs, held.growing], [1.0, 1.0]);
     }
 }

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use crate::frame_selection::Which;
-use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble};
+use faer::sparse::SparseColMat;
+use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble, damping};
 use gshear_analysis::moments::extent;
-use gshear_analysis::stability::Stability;
+use gshear_analysis::stability::{DampedStability, Stability};
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::{Failure, Result};
@@ -123,9 +124,9 @@ impl StoredState {
         })
     }
 
-    /// Assembles K and M.
-    pub fn jacobian(&self, history: History) -> Jacobian {
-        let state = NetworkState {
+    /// What K and C are assembled from.
+    fn network(&self) -> NetworkState<'_> {
+        NetworkState {
             grains: &self.grains,
             contacts: &self.contacts,
             cell: self.cell,
@@ -133,12 +134,24 @@ impl StoredState {
             masses: &self.scene.materials.masses,
             // Strain steps end at rest.
             at_rest: self.origin.stage == RunStage::Strain,
-        };
-        match self.scene.dimension {
-            Dimensions::Two => assemble::<Two>(state, self.scene.force::<Two>().as_ref(), history),
-            Dimensions::Three => {
-                assemble::<Three>(state, self.scene.force::<Three>().as_ref(), history)
-            }
+        }
+    }
+
+    /// Assembles K and M.
+    pub fn jacobian(&self, history: History) -> Jacobian {
+        let (state, scene) = (self.network(), &self.scene);
+        match scene.dimension {
+            Dimensions::Two => assemble::<Two>(state, scene.force::<Two>().as_ref(), history),
+            Dimensions::Three => assemble::<Three>(state, scene.force::<Three>().as_ref(), history),
+        }
+    }
+
+    /// Assembles C.
+    fn damping(&self) -> SparseColMat<usize, f64> {
+        let (state, scene) = (self.network(), &self.scene);
+        match scene.dimension {
+            Dimensions::Two => damping::<Two>(state, scene.force::<Two>().as_ref()),
+            Dimensions::Three => damping::<Three>(state, scene.force::<Three>().as_ref()),
         }
     }
 
@@ -154,15 +167,21 @@ impl StoredState {
         contacts::write(&state, id)
     }
 
-    /// Finds all eigenvalues of the state's K and counts those that make it unstable.
+    /// Finds all eigenvalues of the state's K and counts those that make it unstable; with dampers
+    /// also the motions that grow with them.
     ///
     /// # Errors
     /// If K is not finite.
-    pub fn stability(&self, jacobian: &Jacobian) -> Result<Stability> {
+    pub fn stability(
+        &self,
+        jacobian: &Jacobian,
+        with_dampers: bool,
+    ) -> Result<(Stability, Option<DampedStability>)> {
         let problem = jacobian
             .problem()
             .map_err(|why| Failure::numbers(format!("{}: K: {why}", self.what)))?;
-        Ok(Stability::of(&problem))
+        let damped = with_dampers.then(|| DampedStability::of(&problem, &self.damping()));
+        Ok((Stability::of(&problem), damped))
     }
 }
 

@@ -11,6 +11,29 @@ use crate::problem::{Problem, ZERO};
 use crate::scalar::Scalar;
 use crate::symbolic::Symbolic;
 
+/// All eigenvalues of a matrix by the QR algorithm on one thread.
+///
+/// # Panics
+/// If it does not converge.
+pub(crate) fn values_of(matrix: MatRef<'_, f64>) -> Vec<c64> {
+    let n = matrix.ncols();
+    let (mut re, mut im) = (Diag::<f64>::zeros(n), Diag::<f64>::zeros(n));
+    let no = ComputeEigenvectors::No;
+    let scratch = evd_scratch::<f64>(n, no, no, Par::Seq, Spec::default());
+    evd_real(
+        matrix,
+        re.as_mut(),
+        im.as_mut(),
+        None,
+        None,
+        Par::Seq,
+        MemStack::new(&mut MemBuffer::new(scratch)),
+        Spec::default(),
+    )
+    .expect("the QR algorithm converges");
+    (0..n).map(|k| c64::new(re[k], im[k])).collect()
+}
+
 /// What an eigenvalue is evidence of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
@@ -137,22 +160,7 @@ impl Spectrum {
     /// # Panics
     /// If the QR algorithm does not converge.
     pub fn values(problem: &Problem) -> Vec<c64> {
-        let n = problem.size();
-        let (mut re, mut im) = (Diag::<f64>::zeros(n), Diag::<f64>::zeros(n));
-        let no = ComputeEigenvectors::No;
-        let scratch = evd_scratch::<f64>(n, no, no, Par::Seq, Spec::default());
-        evd_real(
-            problem.matrix().to_dense().as_ref(),
-            re.as_mut(),
-            im.as_mut(),
-            None,
-            None,
-            Par::Seq,
-            MemStack::new(&mut MemBuffer::new(scratch)),
-            Spec::default(),
-        )
-        .expect("the QR algorithm converges");
-        (0..n).map(|k| c64::new(re[k], im[k])).collect()
+        values_of(problem.matrix().to_dense().as_ref())
     }
 
     /// Returns all eigenvalues and vectors of a problem by the QR algorithm on A as a dense matrix,

@@ -7,6 +7,8 @@
 //! [`Spectrum`] holds eigenvalues with residuals, condition numbers and a [`Verdict`]; [`Solver`]
 //! solves K x = b.
 //!
+//! [`damped_values`] has all eigenvalues of a problem with a damping matrix.
+//!
 //! Nothing here knows of grains: K and M are matrices of faer.
 //!
 //! ```
@@ -27,6 +29,7 @@
 //! ```
 
 mod count;
+mod damped;
 mod eigenvalues;
 mod krylov;
 mod lu;
@@ -45,6 +48,7 @@ mod unstable;
 mod tests;
 
 pub use count::{Rectangle, Uncounted, Winding, winding};
+pub use damped::{DAMPED_ZERO, damped_values};
 pub use eigenvalues::{Eigenvalue, RESIDUAL, Spectrum, Verdict, participation};
 pub use krylov::Stalled;
 pub use lu::Singular;

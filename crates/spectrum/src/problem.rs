@@ -126,6 +126,22 @@ impl Problem {
         &self.a
     }
 
+    /// Row, column and value of the entries of M^(-1/2) C M^(-1/2), over the unknowns of A.
+    pub(crate) fn scaled_by_mass<'c>(
+        &'c self,
+        c: &'c SparseColMat<usize, f64>,
+    ) -> impl Iterator<Item = (usize, usize, f64)> + 'c {
+        let mut place = vec![None; self.unknowns];
+        for (at, &unknown) in self.active.iter().enumerate() {
+            place[unknown] = Some(at);
+        }
+        c.triplet_iter().filter_map(move |entry| {
+            let (row, column) = (place[entry.row]?, place[entry.col]?);
+            let masses = self.root_mass[row] * self.root_mass[column];
+            Some((row, column, entry.val / masses))
+        })
+    }
+
     /// Returns ‖A‖₂ by power iteration on AᵀA; too small by a few per cent at worst.
     pub fn norm(&self) -> f64 {
         *self.norm.get_or_init(|| self.two_norm())

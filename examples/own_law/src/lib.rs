@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use gshear_dem::contact::parts::{self, NormalSpring, SpringAndDamper, SpringWork};
 use gshear_dem::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
-use gshear_dem::contact::{Blocks, ContactLaw, dissipation};
+use gshear_dem::contact::{Blocks, ContactLaw, dissipation, parameters_of};
 use gshear_dem::dimension::{Dimensions, Two};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::keys::{
@@ -256,5 +256,12 @@ impl<const FRICTION: bool> Stiffness for Disks<FRICTION> {
                 SpringForce::new(force, law.k_t, d.limit(self.friction), state.limits[0]);
         }
         d
+    }
+
+    fn dampers(&self, state: &SpringState) -> Derivatives {
+        Derivatives {
+            normal_slope: parameters_of(self, state.radii)[DAMPING],
+            ..Derivatives::default()
+        }
     }
 }

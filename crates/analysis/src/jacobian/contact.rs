@@ -17,7 +17,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::History;
+use super::{Forces, History};
 use gshear_dem::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use gshear_dem::dimension::Dimension;
 
@@ -43,10 +43,11 @@ pub(crate) struct LinearContact {
 }
 
 impl LinearContact {
-    /// Evaluates the derivatives of the law at this contact; `None` if it is `idle` and nothing
+    /// Evaluates these derivatives of the law at this contact; `None` if it is `idle` and nothing
     /// acts.
     pub fn new<D: Dimension>(
         law: &dyn Stiffness,
+        of: Forces,
         normal: TurningNormal,
         mut springs: SpringState,
         idle: bool,
@@ -59,10 +60,11 @@ impl LinearContact {
             let [x, y, z] = projected([x, y, z], n);
             springs.torques = [x, y, z, twist];
         }
-        let mut derivatives = if idle {
-            law.idle_derivatives(&springs)?
-        } else {
-            law.derivatives(&springs)
+        let mut derivatives = match (of, idle) {
+            (Forces::Elastic, true) => law.idle_derivatives(&springs)?,
+            (Forces::Elastic, false) => law.derivatives(&springs),
+            (Forces::Damping, true) => return None,
+            (Forces::Damping, false) => law.dampers(&springs),
         };
         if D::SPINS == 1 {
             derivatives.tangential = along(derivatives.tangential, [-n[1], n[0], 0.0]);

@@ -3,7 +3,8 @@
 //!
 //! K is the exact derivative of this code's own force routine, in which histories rotate with the
 //! contacts; [`paper_form`] gives J as BO's appendix B prints it. Modes solve K v = λ M v with M =
-//! diag(m, I); λ > 0 is stable.
+//! diag(m, I); λ > 0 is stable. C = -∂F/∂q̇ is the damping matrix of the same grains
+//! ([`damping`]).
 
 mod contact;
 mod paper;
@@ -48,6 +49,14 @@ pub enum History {
     Turned,
     /// It does not, as in BO's A10, where t stays fixed while n rotates.
     Unturned,
+}
+
+/// The forces whose derivatives are taken: elastic ones by places, or those of dampers by
+/// velocities.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Forces {
+    Elastic,
+    Damping,
 }
 
 /// K and M over the unknowns of the free grains. Each grain has its position and then its rotation:
@@ -146,6 +155,7 @@ impl NetworkState<'_> {
         contact: &ContactState,
         pair: [&GrainState; 2],
         law: &dyn Stiffness,
+        of: Forces,
     ) -> Option<LinearContact> {
         let [a, b] = pair;
         let r = self.cell.separation::<D>(&a.position, &b.position);
@@ -178,20 +188,26 @@ impl NetworkState<'_> {
             n: n.into(),
             distance: turns_at,
         };
-        LinearContact::new::<D>(law, normal, springs, idle)
+        LinearContact::new::<D>(law, of, normal, springs, idle)
     }
 }
 
-/// Assembles K and M of a state. Contacts are added in the order given, so the result is
-/// deterministic.
-///
-/// # Panics
-/// If `state.grains` is not in the order of the ids 0 … N-1.
-pub fn assemble<D: Dimension>(
+/// A matrix over the unknowns of the free grains, and what it is of.
+struct Assembled {
+    matrix: SparseColMat<usize, f64>,
+    /// Ids of the free grains.
+    free: Vec<u32>,
+    contacts: usize,
+    sliding: usize,
+}
+
+/// Adds the contacts in the order given, so the result is deterministic.
+fn assembled<D: Dimension>(
     state: NetworkState<'_>,
     law: &dyn Stiffness,
+    of: Forces,
     history: History,
-) -> Jacobian {
+) -> Assembled {
     let NetworkState {
         grains, contacts, ..
     } = state;
@@ -209,7 +225,7 @@ pub fn assemble<D: Dimension>(
     let touching = contacts.iter().filter_map(|c| {
         let i = &grains[c.i as usize];
         let pair = [i, &state.partner::<D>(i, c.j)?];
-        let contact = state.touch::<D>(c, pair, law)?;
+        let contact = state.touch::<D>(c, pair, law, of)?;
         let places = [c.i, c.j].map(|g| place.get(g as usize).copied().flatten());
         Some((contact, places))
     });
@@ -229,10 +245,28 @@ pub fn assemble<D: Dimension>(
             }
         }
     }
-    let mass = free.iter().flat_map(|&g| {
+    Assembled {
+        matrix: pattern.matrix(values),
+        free,
+        contacts: touching.len(),
+        sliding: touching.iter().filter(|(c, _)| c.slides()).count(),
+    }
+}
+
+/// Assembles K and M of a state.
+///
+/// # Panics
+/// If `state.grains` is not in the order of the ids 0 … N-1.
+pub fn assemble<D: Dimension>(
+    state: NetworkState<'_>,
+    law: &dyn Stiffness,
+    history: History,
+) -> Jacobian {
+    let found = assembled::<D>(state, law, Forces::Elastic, history);
+    let mass = found.free.iter().flat_map(|&g| {
         let GrainState {
             radius, material, ..
-        } = grains[g as usize];
+        } = state.grains[g as usize];
         let m = state.masses.of(material, D::volume(radius));
         let inertia = D::INERTIA * m * radius * radius;
         let masses = std::iter::repeat_n(m, D::AXES);
@@ -240,12 +274,25 @@ pub fn assemble<D: Dimension>(
     });
     Jacobian {
         mass: mass.collect(),
-        k: pattern.matrix(values),
-        held: free.len() < grains.len() || state.flat.is_some(),
-        grains: free,
+        k: found.matrix,
+        held: found.free.len() < state.grains.len() || state.flat.is_some(),
+        grains: found.free,
         per_grain: D::AXES + D::SPINS,
         axes: D::AXES,
-        contacts: touching.len(),
-        sliding: touching.iter().filter(|(c, _)| c.slides()).count(),
+        contacts: found.contacts,
+        sliding: found.sliding,
     }
+}
+
+/// Assembles C of a state (kg/s, kg m/s, kg m²/s; per unit depth in 2D), over the unknowns of
+/// [`assemble`]: minus the derivatives of the forces by the velocities, at small velocities. That
+/// the dampers depend on the places, which adds to K in the measure of the velocities, is left out.
+///
+/// # Panics
+/// If `state.grains` is not in the order of the ids 0 … N-1.
+pub fn damping<D: Dimension>(
+    state: NetworkState<'_>,
+    law: &dyn Stiffness,
+) -> SparseColMat<usize, f64> {
+    assembled::<D>(state, law, Forces::Damping, History::Unturned).matrix
 }

@@ -214,6 +214,14 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
     ) -> [L; 3];
 }
 
+/// The parameters of two grains of these radii (m), in their order.
+pub fn parameters_of<C: ContactLaw>(law: &C, radii: [f64; 2]) -> Vec<f64> {
+    let mut lanes = vec![Lanes16::ZERO; C::PARAMETERS];
+    let [r_i, r_j] = radii.map(|r| Portable::splat(PortableToken, r));
+    law.parameters(PortableToken, r_i, r_j, &mut lanes);
+    lanes.iter().map(|lanes| lanes.0[0]).collect()
+}
+
 /// Lower bound of |v|²: vectors shorter than 1e-145 have an arbitrary direction.
 const SMALLEST_SQUARE: f64 = 1e-290;
 

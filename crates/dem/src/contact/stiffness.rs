@@ -1,6 +1,7 @@
-//! Derivatives of a law's elastic forces, from which the stiffness matrix K is assembled.
+//! Derivatives of a law's forces: of the elastic ones by places, from which the stiffness matrix K
+//! is assembled, and of those of dampers by velocities, for the damping matrix C.
 //!
-//! Dampers do not contribute. A contact at a limit is assumed to keep sliding, or rolling, at it.
+//! Dampers do not contribute to K. A contact at a limit is assumed to keep sliding, or rolling, at it.
 //! If it moves back it sticks, with another derivative; only the smoothed law `mindlin` has the
 //! same on both sides.
 
@@ -71,6 +72,13 @@ pub struct SpringState {
 pub trait Stiffness: Sync {
     /// The derivatives at this state.
     fn derivatives(&self, state: &SpringState) -> Derivatives;
+
+    /// Minus the derivatives of the forces by the velocities at this state, as
+    /// [`Stiffness::derivatives`] has those by the places: those of F_n by dδ/dt, of F_t by dδ/dt
+    /// and the velocity of the slip, of the torques by dδ/dt and the difference of the spins. Where
+    /// a force is at its limit this is that of F_n with its damper. Values are 0. The contact is
+    /// not idle.
+    fn dampers(&self, state: &SpringState) -> Derivatives;
 
     /// Those of an idle contact, whose spring and damper leave no force; `None` if nothing else
     /// acts.
@@ -153,6 +161,41 @@ impl SpringForce {
             across,
             direction,
             at_limit: true,
+        }
+    }
+}
+
+/// A damper parallel to a spring under a limit.
+#[derive(Debug, Clone, Copy)]
+pub struct ParallelDamper {
+    /// The part that is cut to the limit with the spring (kg/s; per m in 2D).
+    pub cut: f64,
+    /// The part that acts beside the limit.
+    pub beside: f64,
+    /// Minus the derivative of the limit by the velocity that separates the grains.
+    pub of_limit: f64,
+}
+
+impl ParallelDamper {
+    /// Minus the derivatives by the velocities beside a spring of this stiffness, whose force is
+    /// `spring`.
+    pub fn derivatives(&self, spring: &SpringForce, stiffness: f64) -> SpringForce {
+        if !spring.at_limit {
+            let all = self.cut + self.beside;
+            return SpringForce {
+                along: all,
+                across: all,
+                direction: spring.direction,
+                ..SpringForce::default()
+            };
+        }
+        SpringForce {
+            slope: spring.direction.map(|t| self.of_limit * t),
+            along: self.beside,
+            across: self.cut * (spring.across / stiffness) + self.beside,
+            direction: spring.direction,
+            at_limit: true,
+            ..SpringForce::default()
         }
     }
 }

@@ -55,6 +55,18 @@ impl<D: Dimension> Stiffness for Adhering<D> {
         d
     }
 
+    /// Dampers are those of the overlap that the law is given.
+    fn dampers(&self, state: &SpringState) -> Derivatives {
+        let contact = self.adhesion.contact(state.radii, state.overlap);
+        if contact.elastic_overlap <= 0.0 {
+            return Derivatives::default();
+        }
+        self.law.dampers(&SpringState {
+            overlap: contact.elastic_overlap,
+            ..*state
+        })
+    }
+
     fn idle_derivatives(&self, state: &SpringState) -> Option<Derivatives> {
         let contact = self.adhesion.contact(state.radii, state.overlap);
         Some(Derivatives {

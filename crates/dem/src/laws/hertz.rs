@@ -44,14 +44,14 @@ use crate::contact::friction::{Coulomb, Friction, SlipOfStep};
 use crate::contact::parts::{
     self, CutDamper, LimitedSpring, SpringAndDamper, exceeds, reaches, set_back,
 };
-use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
+use crate::contact::stiffness::{Derivatives, ParallelDamper, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    AGE, Blocks, ContactLaw, difference, dissipation, norm, portable_exp, portable_ln, scaled, sum,
-    vector, velocity_before,
+    AGE, Blocks, ContactLaw, difference, dissipation, norm, parameters_of, portable_exp,
+    portable_ln, scalar, scaled, sum, vector, velocity_before,
 };
 use crate::dimension::{Dimension, Dimensions, Three, Vector, scaled_sum};
 use crate::kernel::PairForce;
-use crate::simd::{Lanes, Lanes16, Mask, inverse, inverse_sqrt};
+use crate::simd::{Lanes, Lanes16, Mask, Portable, inverse, inverse_sqrt};
 use crate::state::Masses;
 
 /// The law as scenes name it.
@@ -695,6 +695,44 @@ impl<const FRICTION: bool, D: Damper, F: Friction> Stiffness for Hertz<FRICTION,
         }
         Derivatives { tangential, ..d }
     }
+
+    fn dampers(&self, state: &SpringState) -> Derivatives {
+        let springs = self.derivatives(state);
+        let (k_t, gamma_n) = self.spring_and_damper(state);
+        let mut d = Derivatives {
+            normal_slope: gamma_n,
+            ..Derivatives::default()
+        };
+        if FRICTION {
+            let friction = self.friction.at_age(state.age).value;
+            d.tangential = self
+                .tangential_damper(&d, friction)
+                .derivatives(&springs.tangential, k_t);
+        }
+        d
+    }
+}
+
+impl<const FRICTION: bool, D: Damper, F: Friction> Hertz<FRICTION, D, F> {
+    /// The stiffness of the tangential spring (N/m) and the normal damper (kg/s) of a contact.
+    fn spring_and_damper(&self, state: &SpringState) -> (f64, f64) {
+        let parameters = parameters_of(self, state.radii);
+        let root = (state.overlap * parameters[RADIUS]).sqrt();
+        let per_root = scalar(|token| {
+            let of_pair = Portable::splat(token, parameters[DAMPING]);
+            D::per_root(token, of_pair, Portable::splat(token, root))
+        });
+        (self.tangential_stiffness * root, per_root * root)
+    }
+
+    /// The tangential damper beside a normal one, under this friction.
+    fn tangential_damper(&self, normal: &Derivatives, friction: f64) -> ParallelDamper {
+        ParallelDamper {
+            cut: self.tangential_damping * normal.normal_slope,
+            beside: 0.0,
+            of_limit: friction * normal.normal_slope,
+        }
+    }
 }
 
 /// The law whose contacts remember the force of their tangential spring, not its displacement:
@@ -876,6 +914,17 @@ impl<D: Damper> Stiffness for Rescaled<D> {
         let [slides, ..] = state.limits;
         Derivatives {
             tangential: SpringForce::new(state.history, k_t, limit, slides),
+            ..d
+        }
+    }
+
+    fn dampers(&self, state: &SpringState) -> Derivatives {
+        let springs = self.derivatives(state);
+        let (k_t, _) = self.normal.spring_and_damper(state);
+        let d = self.normal.dampers(state);
+        let damper = self.normal.tangential_damper(&d, self.normal.friction.0);
+        Derivatives {
+            tangential: damper.derivatives(&springs.tangential, k_t),
             ..d
         }
     }

@@ -48,9 +48,10 @@ use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::friction::{Coulomb, Friction, SlipOfStep};
 use crate::contact::parts::{self, NormalSpring, SpringAndDamper, SpringWork, add_damping};
-use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
+use crate::contact::stiffness::{Derivatives, ParallelDamper, SpringState, Stiffness};
 use crate::contact::{
-    AGE, Blocks, ContactLaw, difference, dissipation, scaled, vector, velocity_before,
+    AGE, Blocks, ContactLaw, difference, dissipation, parameters_of, scaled, vector,
+    velocity_before,
 };
 use crate::dimension::{Dimension, Dimensions, Three, Two, scaled_sum};
 use crate::kernel::PairForce;
@@ -482,6 +483,28 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool, F: Friction> Stiff
         }
         if ROLLING {
             d.rolling = self.rolling.derivatives(torque, state.radii, &d, rolls);
+        }
+        d
+    }
+
+    fn dampers(&self, state: &SpringState) -> Derivatives {
+        let springs = self.derivatives(state);
+        let parameters = parameters_of(self, state.radii);
+        let mut d = Derivatives {
+            normal_slope: parameters[DAMPING],
+            ..Derivatives::default()
+        };
+        if FRICTION {
+            let gamma_t = self.tangential_damping * parameters[DAMPING];
+            let damper = ParallelDamper {
+                cut: (1.0 - self.sliding_damping) * gamma_t,
+                beside: self.sliding_damping * gamma_t,
+                of_limit: self.friction.at_age(state.age).value * d.normal_slope,
+            };
+            d.tangential = damper.derivatives(&springs.tangential, self.tangential_stiffness);
+        }
+        if ROLLING {
+            d.rolling = rolling::damper_of(&parameters[PLAIN..], &springs.rolling, &d);
         }
         d
     }

@@ -34,8 +34,8 @@ use super::keys::{
 use super::rolling::{self, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::parts::{NormalSpring, SlidingForce, add_damping};
-use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
-use crate::contact::{Blocks, ContactLaw, dissipation, portable_ln, scalar};
+use crate::contact::stiffness::{Derivatives, ParallelDamper, SpringForce, SpringState, Stiffness};
+use crate::contact::{Blocks, ContactLaw, dissipation, parameters_of, portable_ln, scalar};
 use crate::dimension::{Dimensions, Two};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask, Portable, inverse, inverse_sqrt, ln};
@@ -512,6 +512,34 @@ impl<const FRICTION: bool, const ROLLING: bool> Stiffness for LeeHurley<FRICTION
         }
         if ROLLING {
             d.rolling = self.rolling.derivatives(torque, state.radii, &d, rolls);
+        }
+        d
+    }
+
+    fn dampers(&self, state: &SpringState) -> Derivatives {
+        let springs = self.derivatives(state);
+        let parameters = parameters_of(self, state.radii);
+        let [r_i, r_j] = state.radii;
+        let y = state.overlap / (4.0 * (r_i + r_j));
+        let per_m = inverse_root(y);
+        let mut d = Derivatives {
+            normal_slope: parameters[DAMPING] * per_m.sqrt(),
+            ..Derivatives::default()
+        };
+        if FRICTION {
+            let m = 1.0 / per_m;
+            let k_t = self.tangential_stiffness(state.radii, m, (y / m).sqrt());
+            let gamma_t = parameters[DAMPING] * (k_t / self.stiffness).sqrt();
+            let damper = ParallelDamper {
+                cut: (1.0 - self.sliding_damping) * gamma_t,
+                beside: self.sliding_damping * gamma_t,
+                of_limit: self.friction * d.normal_slope,
+            };
+            d.tangential = damper.derivatives(&springs.tangential, k_t);
+        }
+        if ROLLING {
+            let own = &parameters[Self::PARAMETERS - rolling::PARAMETERS..];
+            d.rolling = rolling::damper_of(own, &springs.rolling, &d);
         }
         d
     }

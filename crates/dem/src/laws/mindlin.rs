@@ -366,4 +366,9 @@ impl<D: Dimension, const FRICTION: bool> Stiffness for Mindlin<D, FRICTION> {
         };
         d
     }
+
+    /// There are none.
+    fn dampers(&self, _: &SpringState) -> Derivatives {
+        Derivatives::default()
+    }
 }

@@ -72,6 +72,10 @@ impl<D: Dimension> Stiffness for Mixture<D> {
         self.law(state.materials).derivatives(state)
     }
 
+    fn dampers(&self, state: &SpringState) -> Derivatives {
+        self.law(state.materials).dampers(state)
+    }
+
     fn idle_derivatives(&self, state: &SpringState) -> Option<Derivatives> {
         self.law(state.materials).idle_derivatives(state)
     }

@@ -21,7 +21,7 @@ use std::f64::consts::PI;
 use super::{Constants, Contact};
 use crate::contact::adhesion::reduced_radius;
 use crate::contact::parts::{self, SlidingForce, SpringAndDamper, SpringWork, add_damping};
-use crate::contact::stiffness::{Derivatives, SpringForce};
+use crate::contact::stiffness::{Derivatives, ParallelDamper, SpringForce};
 use crate::contact::{Blocks, ContactLaw};
 use crate::dimension::Vector;
 use crate::simd::{Lanes, Lanes16, Mask, inverse};
@@ -79,6 +79,21 @@ impl Resistance {
         let limit = normal.limit(self.friction * r_r);
         SpringForce::new(trial, self.stiffness * r_r * r_r, limit, at_limit)
     }
+}
+
+/// Minus the derivatives by the spins of a torque with these [`Resistance::parameters`], beside its
+/// spring; `normal`: those of F_n.
+pub(super) fn damper_of(
+    parameters: &[f64],
+    spring: &SpringForce,
+    normal: &Derivatives,
+) -> SpringForce {
+    let damper = ParallelDamper {
+        cut: parameters[DAMPING],
+        beside: 0.0,
+        of_limit: parameters[ARM] * normal.normal_slope,
+    };
+    damper.derivatives(spring, parameters[STIFFNESS])
 }
 
 /// A resistance of pairs of known radii.

@@ -30,7 +30,7 @@ use crate::contact::parts::{self, SpringWork};
 use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use crate::contact::{
     AGE, Blocks, CARRY, ContactLaw, Jump, PairMotion, Response, TORQUES, Turning, dissipation,
-    vector,
+    parameters_of, vector,
 };
 use crate::dimension::{Dimension, Three};
 use crate::kernel::PairForce;
@@ -529,7 +529,7 @@ fn begins_at<'j, L: Lanes>(
     }
 }
 
-impl<C: ContactLaw + Stiffness> Stiffness for Resisting<C> {
+impl<C: ContactLaw<Space = Three> + Stiffness> Stiffness for Resisting<C> {
     fn derivatives(&self, state: &SpringState) -> Derivatives {
         let d = self.law.derivatives(state);
         let radii = state.radii;
@@ -538,6 +538,17 @@ impl<C: ContactLaw + Stiffness> Stiffness for Resisting<C> {
         Derivatives {
             rolling: self.rolling.derivatives([x, y, z], radii, &d, rolls),
             twisting: (self.twisting).derivatives([twist, 0.0, 0.0], radii, &d, twists),
+            ..d
+        }
+    }
+
+    fn dampers(&self, state: &SpringState) -> Derivatives {
+        let (d, springs) = (self.law.dampers(state), self.derivatives(state));
+        let parameters = parameters_of(self, state.radii);
+        let own = &parameters[C::PARAMETERS..];
+        Derivatives {
+            rolling: rolling::damper_of(&own[ROLLING.parameters..], &springs.rolling, &d),
+            twisting: rolling::damper_of(&own[TWISTING.parameters..], &springs.twisting, &d),
             ..d
         }
     }

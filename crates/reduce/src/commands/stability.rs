@@ -9,7 +9,8 @@ use crate::frame_selection::{FrameRange, Which};
 use crate::printer::Printer;
 use crate::results::Results;
 use crate::stored_state::{StateSelection, StoredState, history};
-use gshear_analysis::stability::Stability;
+use gshear_analysis::stability::{DampedStability, Stability};
+use gshear_dem::columns::Column;
 use gshear_dem::failure::{Failure, Result};
 use gshear_store::csv_table::Table;
 use gshear_store::run_reader::{RunFile, RunStage};
@@ -20,7 +21,7 @@ const MOST_UNKNOWNS: usize = 6000;
 /// Count complex pairs and negative eigenvalues of frames, in stability.csv
 ///
 /// One line per frame, from all eigenvalues of K v = λ M v without vectors, which takes a fifth
-/// of the time of spectrum --dense: up to 6,000 unknowns.
+/// of the time of spectrum --dense: up to 6,000 unknowns, with --dampers 3,000.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// A run.h5, or the folder of a run; run.h5/aqs, run.h5/newtonian or run.h5/shear for a later
@@ -32,6 +33,10 @@ pub struct Arguments {
     /// Take J as printed by Bonfanti et al., whose histories do not turn with the contacts
     #[arg(long)]
     paper_form: bool,
+    /// Also count the motions e^(st) that grow with the dampers of the law, all s of
+    /// (s² M + s C + K) v = 0: eight times as long
+    #[arg(long, conflicts_with = "paper_form")]
+    dampers: bool,
     /// Stop at the first of these frames with a complex pair
     #[arg(long)]
     until_pair: bool,
@@ -54,12 +59,13 @@ struct FrameStability {
     frame: usize,
     contacts: usize,
     sliding: usize,
-    found: Result<Stability>,
+    found: Result<(Stability, Option<DampedStability>)>,
 }
 
 impl FrameStability {
     fn has_pair(&self) -> bool {
-        self.found.as_ref().is_ok_and(|found| found.pairs > 0.0)
+        let found = self.found.as_ref();
+        found.is_ok_and(|(stability, _)| stability.pairs > 0.0)
     }
 }
 
@@ -90,7 +96,8 @@ impl Arguments {
                 break;
             }
         }
-        results.table("stability.csv", &table(&run, &strains, &rows), printer)?;
+        let columns = table(&run, &strains, &rows, self.dampers);
+        results.table("stability.csv", &columns, printer)?;
         if self.birth {
             self.find_birth(&run, &rows, &results.place(BIRTH_FOLDER)?, threads, printer)?;
         }
@@ -142,7 +149,7 @@ impl Arguments {
             tried.extend(rows);
         }
         tried.sort_by_key(|row| row.frame);
-        let rows = table(&replayed, &strains, &tried);
+        let rows = table(&replayed, &strains, &tried, self.dampers);
         Results::of(Some(folder), folder).table("stability.csv", &rows, printer)?;
         let [before, after] = [without, with].map(|k| (replayed.frame_steps()[k], strains[k]));
         writeln!(
@@ -161,9 +168,14 @@ impl Arguments {
         let history = history(self.paper_form);
         let rows = states.par_iter().map(|(frame, state)| {
             let jacobian = state.jacobian(history);
-            if jacobian.unknowns() > MOST_UNKNOWNS {
+            let most = if self.dampers {
+                MOST_UNKNOWNS / 2
+            } else {
+                MOST_UNKNOWNS
+            };
+            if jacobian.unknowns() > most {
                 let what = format!(
-                    "{} unknowns, must be {MOST_UNKNOWNS} or fewer, because all eigenvalues are found; use spectrum --unstable",
+                    "{} unknowns, must be {most} or fewer, because all eigenvalues are found; use spectrum --unstable",
                     jacobian.unknowns()
                 );
                 return Err(run.wrong(what));
@@ -172,14 +184,20 @@ impl Arguments {
                 frame: *frame,
                 contacts: jacobian.contacts,
                 sliding: jacobian.sliding,
-                found: state.stability(&jacobian),
+                found: state.stability(&jacobian, self.dampers),
             })
         });
         rows.collect()
     }
 }
 
-fn table(run: &RunFile, strains: &[f64], rows: &[FrameStability]) -> String {
+/// `with_dampers`: with the columns of [`DampedStability`].
+fn table(run: &RunFile, strains: &[f64], rows: &[FrameStability], with_dampers: bool) -> String {
+    let damped: &[Column] = if with_dampers {
+        &DampedStability::COLUMNS
+    } else {
+        &[]
+    };
     Table::of(rows)
         .column("frame", |row| row.frame)
         .column("step", |row| run.frame_steps()[row.frame])
@@ -188,7 +206,15 @@ fn table(run: &RunFile, strains: &[f64], rows: &[FrameStability]) -> String {
         .column("sliding", |row| row.sliding)
         .columns(Stability::COLUMNS.map(|column| column.name), |row| {
             let found = row.found.as_ref();
-            found.unwrap_or(&Stability::UNKNOWN).columns()
+            found
+                .map_or(Stability::UNKNOWN, |(stability, _)| *stability)
+                .columns()
+        })
+        .columns(damped.iter().map(|column| column.name), |row| {
+            let found = row.found.as_ref().ok();
+            let found = found.and_then(|(_, damped)| *damped);
+            let values = found.unwrap_or(DampedStability::UNKNOWN).columns();
+            values.into_iter().take(damped.len())
         })
         .csv()
 }

@@ -4,7 +4,7 @@ use gshear_analysis::aftermath::BoxChange;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_analysis::phase_measures::PhaseMeasures;
 use gshear_analysis::phases::PhaseStatistics;
-use gshear_analysis::stability::Stability;
+use gshear_analysis::stability::{DampedStability, Stability};
 use gshear_dem::boundary::Boundary;
 use gshear_dem::columns::Column;
 
@@ -91,6 +91,7 @@ fn declared(row: &str, axes: usize) -> Vec<Column> {
         "PhaseStatistics" => PhaseStatistics::COLUMNS.to_vec(),
         "PhaseMeasures" => PhaseMeasures::COLUMNS.to_vec(),
         "Stability" => Stability::COLUMNS.to_vec(),
+        "DampedStability" => DampedStability::COLUMNS.to_vec(),
         "BoxChange" => BoxChange::COLUMNS.to_vec(),
         "radius" => vec![RADIUS],
         "mass" => vec![MASS],
