@@ -151,6 +151,11 @@ def test_dense_rows() -> None:
     assert found is not None
     assert (time[found] == fine[:-1]).all()
     assert bonfanti.dense(np.concatenate([coarse, fine[:10], 20 + coarse])) is None
+    # Rows are dense at the end as well, where the growth is over.
+    later = np.concatenate([time, time[-1] + 1 + fine - fine[0]])
+    assert bonfanti.dense(later) != found
+    assert bonfanti.oscillation(later, time[-1]) == found
+    assert bonfanti.oscillation(later, np.nan) == bonfanti.dense(later)
 
 
 @pytest.fixture(scope="module")

@@ -225,10 +225,11 @@ def _displacement(run: Studied) -> Drawn | str:
         return NO_MOTION
     table = run.moving.series[["time", "msd"]]
     time, msd = (table[name].to_numpy() for name in table)
-    zoom = dense(time)
+    grows = np.isfinite(run.growth["decades"])
+    zoom = oscillation(time, run.growth["growth_to"])
     figure, axes = _axes(2 if zoom else 1)
     axes[0].plot(time[msd > 0], msd[msd > 0], color=CURVES[0], label="mean square displacement")
-    if np.isfinite(run.growth["decades"]):
+    if grows:
         ends = run.growth[["growth_from", "growth_to"]].to_numpy(dtype=np.float64)
         inside = (time >= ends[0]) & (time <= ends[1]) & (msd > 0)
         for omega, colour, label in (
@@ -247,9 +248,14 @@ def _displacement(run: Studied) -> Drawn | str:
         ax.set(xlabel="time", ylabel="mean square displacement")
     caption = (
         "(a) Mean square displacement (eq. 10), its fitted exponential growth, and that of the "
-        "complex pair. (b) An interval in which the oscillation is resolved."
+        "complex pair. (b) An interval of the growth in which the oscillation is resolved."
     )
     return caption, figure, {"": table}
+
+
+def oscillation(time: Array, growth_to: float) -> slice | None:
+    """Returns `dense` of the rows until the growth ends, of all of them if there is none."""
+    return dense(time[time <= growth_to]) if np.isfinite(growth_to) else dense(time)
 
 
 def dense(time: Array) -> slice | None:
