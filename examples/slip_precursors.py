@@ -151,7 +151,9 @@ def interval(
     high: pd.DataFrame, low: pd.DataFrame, measure: str, random: np.random.Generator
 ) -> list[float]:
     """Returns the 95 % interval of the area, by resampling runs, or slips and frames of one run."""
-    groups = [{run: of[measure].to_numpy(float) for run, of in x.groupby("run")} for x in (high, low)]
+    groups = [
+        {run: of[measure].to_numpy(float) for run, of in x.groupby("run")} for x in (high, low)
+    ]
     runs = sorted(set(groups[0]) & set(groups[1]))
     areas = []
     for _ in range(RESAMPLES):
@@ -234,7 +236,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder to write into")
     parser.add_argument("--slips", type=int, default=50, help="number of slips of a run [50]")
     parser.add_argument("--random", type=int, default=100, help="random frames of a run [100]")
-    parser.add_argument("--calm", type=float, default=np.inf, help="greatest fall of τ before [any]")
+    parser.add_argument(
+        "--calm", type=float, default=np.inf, help="greatest fall of τ before [any]"
+    )
     parser.add_argument("--dampers", action="store_true", help="with the dampers, too")
     parser.add_argument("--before", default="0,1,2,4,8,16,32", help="intervals before the slip")
     parser.add_argument("--from", type=float, default=0.0, dest="onset", help="first strain [0]")
@@ -263,126 +267,6 @@ def main(arguments: list[str] | None = None) -> None:
             {"run": k, "slip": -1, "before": -1, "size": np.nan} | found.loc[row].to_dict()
             for row in null
         ]
-    table = pd.DataFrame(lines).reset_index(drop=True)
-    table["row"] = [row for group in windows(rows) for row in group]
-    return table
-
-
-def roc_area(high: np.ndarray, low: np.ndarray) -> float:
-    """Returns the probability that a value of `high` is above one of `low`; ties count half."""
-    above = (high[:, None] > low[None, :]).mean()
-    equal = (high[:, None] == low[None, :]).mean()
-    return float(above + 0.5 * equal)
-
-
-def interval(
-    high: pd.DataFrame, low: pd.DataFrame, measure: str, random: np.random.Generator
-) -> list[float]:
-    """Returns the 95 % interval of the area, by resampling runs, or slips and frames of one run."""
-    groups = [{run: of[measure].to_numpy(float) for run, of in x.groupby("run")} for x in (high, low)]
-    runs = sorted(set(groups[0]) & set(groups[1]))
-    areas = []
-    for _ in range(RESAMPLES):
-        if len(runs) > 1:
-            drawn = random.choice(runs, len(runs))
-            samples = [np.concatenate([of[run] for run in drawn]) for of in groups]
-        else:
-            samples = [random.choice(x, len(x)) for of in groups for x in of.values()]
-        areas.append(roc_area(*samples))
-    return [float(x) for x in np.quantile(areas, [0.025, 0.975])]
-
-
-def spearman(a: np.ndarray, b: np.ndarray, random: np.random.Generator) -> list[float]:
-    """Returns Spearman's ρ and its two-sided p by permutation."""
-    ranks = [pd.Series(x).rank().to_numpy() for x in (a, b)]
-    if any(np.ptp(x) == 0.0 for x in ranks):
-        return [np.nan, np.nan]
-    rho = float(np.corrcoef(*ranks)[0, 1])
-    others = [
-        abs(np.corrcoef(ranks[0], random.permutation(ranks[1]))[0, 1]) for _ in range(RESAMPLES)
-    ]
-    return [rho, float((1 + np.sum(np.array(others) >= abs(rho) - 1e-12)) / (1 + RESAMPLES))]
-
-
-def tests_of(table: pd.DataFrame, random: np.random.Generator) -> pd.DataFrame:
-    """Returns the tests of every measure at every time before the slips against random frames."""
-    null = table[table["before"] < 0]
-    found = []
-    for before, frames in table[table["before"] >= 0].groupby("before"):
-        for measure in [name for name in MEASURES | DAMPED if name in table]:
-            high, low = frames[measure].to_numpy(float), null[measure].to_numpy(float)
-            rho, p = spearman(high, frames["size"].to_numpy(float), random)
-            area, (from_, to) = roc_area(high, low), interval(frames, null, measure, random)
-            mean = [high.mean(), low.mean()]
-            found.append([measure, before, len(high), len(low), *mean, area, from_, to, rho, p])
-    names = ["measure", "before", "slips", "random", "mean_before_slips", "mean_random"]
-    names += ["roc_area", "roc_low", "roc_high", "rho_with_size", "p"]
-    return pd.DataFrame(found, columns=names)
-
-
-def draw(table: pd.DataFrame, tests: pd.DataFrame, path: Path) -> None:
-    """Draws the areas against the time to the slip, and a measure against the size of the slip."""
-    mpl.rcParams["svg.fonttype"] = "none"
-    mpl.rcParams["svg.hashsalt"] = "slip precursors"
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), layout="constrained")
-    shown = {name: label for name, label in (MEASURES | DAMPED).items() if name in table}
-    for k, (measure, name) in enumerate(shown.items()):
-        of = tests[tests["measure"] == measure]
-        # Zero intervals before the slip stand at a half.
-        x = np.maximum(of["before"], 0.5) * (1 + 0.05 * (k - len(shown) // 2))
-        error = [of["roc_area"] - of["roc_low"], of["roc_high"] - of["roc_area"]]
-        left.errorbar(x, of["roc_area"], yerror(error), fmt="o", ms=4, capsize=2, label=name)
-    left.axhline(0.5, color="grey", lw=1)
-    left.set(xscale="log", ylim=(0, 1), xlabel="intervals before the start of the slip")
-    left.set_ylabel("ROC area against random times, 95 %")
-    left.invert_xaxis()
-    left.legend(fontsize=8)
-    nearest = table[table["before"] == table.loc[table["before"] >= 0, "before"].min()]
-    right.plot(nearest["size"], nearest["pairs"], "o", ms=4)
-    null = table.loc[table["before"] < 0, "pairs"]
-    right.axhspan(*np.quantile(null, [0.25, 0.75]), color="grey", alpha=0.25)
-    right.axhline(null.median(), color="grey", lw=1)
-    right.set(xscale="log", xlabel="size of the slip, |Δτ|")
-    right.set_ylabel("complex pairs; grey: quartiles at random times")
-    figure.savefig(path, metadata={"Date": None})
-    plt.close(figure)
-
-
-def yerror(error: list[pd.Series]) -> np.ndarray:
-    """Returns both lengths of the error bars, none below zero by rounding."""
-    return np.maximum(np.array([part.to_numpy(float) for part in error]), 0.0)
-
-
-def main(arguments: list[str] | None = None) -> None:
-    """Reduces the run that the arguments name."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("runs", type=Path, nargs="+", help="folders of runs, or their run.h5")
-    parser.add_argument("--out", type=Path, required=True, help="folder to write into")
-    parser.add_argument("--slips", type=int, default=50, help="number of slips of a run [50]")
-    parser.add_argument("--random", type=int, default=100, help="random frames of a run [100]")
-    parser.add_argument("--calm", type=float, default=np.inf, help="greatest fall of τ before [any]")
-    parser.add_argument("--dampers", action="store_true", help="with the dampers, too")
-    parser.add_argument("--before", default="0,1,2,4,8,16,32", help="intervals before the slip")
-    parser.add_argument("--from", type=float, default=0.0, dest="onset", help="first strain [0]")
-    given = parser.parse_args(arguments)
-    times = [int(x) for x in given.before.split(",")]
-    random = np.random.default_rng(1)
-    given.out.mkdir(parents=True, exist_ok=True)
-    with Run(given.run, quiet=True) as run:
-        onset = int(np.searchsorted(run.series["strain"], given.onset)) + 1
-        slips = slips_of(run, given.slips, onset + max(times))
-        wanted = {slip.row - time for slip in slips for time in times}
-        null = random_rows(run, given.random, onset, random)
-        rows = sorted(wanted | set(null))
-        found = stability(run, rows, given.out).set_index("row")
-    lines = [
-        {"slip": k, "before": time, "size": slip.size} | found.loc[slip.row - time].to_dict()
-        for k, slip in enumerate(slips)
-        for time in times
-    ]
-    lines += [{"slip": -1, "before": -1, "size": np.nan} | found.loc[row].to_dict() for row in null]
     table = pd.DataFrame(lines)
     tests = tests_of(table, random)
     table.to_csv(given.out / "precursors.csv", index=False)

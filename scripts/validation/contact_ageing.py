@@ -5,9 +5,9 @@
 
 A layer of configs/gouge-holds-cheap.toml slides at 0.1 m/s, is held for 0.1 to 100 ms and slides
 again, with seven kinds of contacts and agitation. All holds of a kind begin in one state, so that
-peaks after them differ by the hold alone. Writes OUT/contact-ageing-runs.csv, OUT/contact-ageing.csv
-and the figure OUT/contact-ageing.svg of docs/validation/gouge.md. Runs that are there already are not
-made again; about an hour of a core. GSHEAR_MPI names the program.
+peaks after them differ by the hold alone. Writes OUT/contact-ageing-runs.csv,
+OUT/contact-ageing.csv and the figure OUT/contact-ageing.svg of docs/validation/gouge.md. Runs that
+are there already are not made again; two hours of a core. GSHEAR_MPI names the program.
 """
 
 from __future__ import annotations
@@ -78,8 +78,8 @@ def row(out: Path, kind: Kind, seed: int, hold: float) -> dict[str, object]:
     reslide = f"{{velocity={VELOCITY},distance={RESLIDE}{of}}}"
     parts += [f"{{velocity=0.0,time={hold}{of}}}", reslide]
     branch_from(folder / "checkpoint.h5", held, parts, "output.series_rows=3000")
-    velocity, mu, slip, time, sliding = columns(
-        held, "drive_velocity", "stress_ratio", "slip", "time", "sliding_fraction"
+    velocity, mu, slip, sliding = columns(
+        held, "drive_velocity", "stress_ratio", "slip", "sliding_fraction"
     )
     edge = np.flatnonzero(np.diff(velocity))[-1]
     again = slice(edge + 1, None)
@@ -106,9 +106,7 @@ def row(out: Path, kind: Kind, seed: int, hold: float) -> dict[str, object]:
 def slopes(rows: pd.DataFrame, column: str, holds: tuple[float, ...]) -> list[float]:
     """Of each seed the slope over ln t_hold."""
     chosen = rows[rows["hold"].isin(holds)]
-    return [
-        np.polyfit(np.log(of["hold"]), of[column], 1)[0] for _, of in chosen.groupby("seed")
-    ]
+    return [np.polyfit(np.log(of["hold"]), of[column], 1)[0] for _, of in chosen.groupby("seed")]
 
 
 def table(out: Path) -> None:
@@ -139,11 +137,13 @@ def draw(rows: pd.DataFrame, path: Path) -> None:
 
     still, shaken = plt.figure(figsize=(7.0, 3.4), layout="constrained").subplots(1, 2, sharey=True)
     for kind in KINDS:
-        own = rows[rows["kind"] == kind.name].pivot(index="hold", columns="seed", values="peak")
+        own = rows[rows["kind"] == kind.name].pivot_table("peak", "hold", "seed")
         change = own - own.iloc[0]
         axes = shaken if kind.amplitude else still
         errors = change.sem(axis=1)
-        axes.errorbar(change.index * 1e3, change.mean(axis=1), errors, fmt="o-", capsize=2, label=kind.name)
+        axes.errorbar(
+            change.index * 1e3, change.mean(axis=1), errors, fmt="o-", capsize=2, label=kind.name
+        )
     for axes, title in ((still, "at rest"), (shaken, "agitated by 2 µm at 20 kHz")):
         axes.set(xscale="log", xlabel="hold (ms)", title=title)
         axes.axhline(0.0, color="grey", linewidth=0.5)

@@ -152,7 +152,8 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
         torques: [40, 41, 42, 43]
             .map(|c| (t % 2) as f64 * number(t, u64::from(i) << 32 | u64::from(j), c)),
         // At times that three does not divide none.
-        age: f64::from(u8::from(t % 3 == 0)) * number(t, u64::from(i) << 32 | u64::from(j), 44),
+        age: f64::from(u8::from(t.is_multiple_of(3)))
+            * number(t, u64::from(i) << 32 | u64::from(j), 44),
     };
     let place = |id| GrainPosition {
         id: id as u32,

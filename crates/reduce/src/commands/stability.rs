@@ -23,6 +23,7 @@ const MOST_UNKNOWNS: usize = 6000;
 /// One line per frame, from all eigenvalues of K v = λ M v without vectors, which takes a fifth
 /// of the time of spectrum --dense: up to 6,000 unknowns, with --dampers 3,000.
 #[derive(Debug, clap::Args)]
+#[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 pub struct Arguments {
     /// A run.h5, or the folder of a run; run.h5/aqs, run.h5/newtonian or run.h5/shear for a later
     /// stage
