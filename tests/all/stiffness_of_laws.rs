@@ -289,11 +289,16 @@ impl<'a, D: Dimension> Packing<'a, D> {
         assert_eq!(outside, None);
     }
 
-    fn jacobian(&mut self, at_rest: bool) -> Jacobian {
+    /// What is made of the state with its contacts older by `later` (s).
+    fn of_network<T>(
+        &mut self,
+        at_rest: bool,
+        later: f64,
+        make: impl FnOnce(NetworkState<'_>, &dyn PairForce<D>) -> T,
+    ) -> T {
         let mut contacts = self.system.contact_states(self.law);
         for contact in contacts.iter_mut().filter(|contact| contact.age > 0.0) {
-            // Forces are those at the end of a step.
-            contact.age += STEP;
+            contact.age += later;
         }
         let state = NetworkState {
             flat: None,
@@ -303,7 +308,19 @@ impl<'a, D: Dimension> Packing<'a, D> {
             masses: &MASSES,
             at_rest,
         };
-        assemble::<D>(state, self.law, History::Turned)
+        make(state, self.law)
+    }
+
+    /// K and M. Forces are those at the end of a step.
+    fn jacobian(&mut self, at_rest: bool) -> Jacobian {
+        self.of_network(at_rest, STEP, |state, law| {
+            assemble::<D>(state, law, History::Turned)
+        })
+    }
+
+    /// C.
+    fn damping(&mut self) -> Mat<f64> {
+        self.of_network(true, 0.0, |state, law| damping::<D>(state, law).to_dense())
     }
 
     /// Forces and torques on all grains, by id, after the `k`-th unknown of `grain` has moved by h
@@ -335,20 +352,6 @@ impl<'a, D: Dimension> Packing<'a, D> {
 }
 
 impl<D: Dimension> Packing<'_, D> {
-    /// C.
-    fn damping(&mut self) -> Mat<f64> {
-        let contacts = self.system.contact_states(self.law);
-        let state = NetworkState {
-            flat: None,
-            grains: &self.system.grain_states(),
-            contacts: &contacts,
-            cell: self.system.cell,
-            masses: &MASSES,
-            at_rest: true,
-        };
-        damping::<D>(state, self.law).to_dense()
-    }
-
     /// Forces and torques on all grains, by id, at this velocity of an unknown of a grain, the
     /// others at rest. No time passes.
     fn pushed(&mut self, (grain, k): (u32, usize), velocity: f64) -> Vec<f64> {

@@ -1,8 +1,8 @@
 //! Derivatives of a law's forces: of the elastic ones by places, from which the stiffness matrix K
 //! is assembled, and of those of dampers by velocities, for the damping matrix C.
 //!
-//! Dampers do not contribute to K. A contact at a limit is assumed to keep sliding, or rolling, at it.
-//! If it moves back it sticks, with another derivative; only the smoothed law `mindlin` has the
+//! Dampers do not contribute to K. A contact at a limit is assumed to keep sliding, or rolling, at
+//! it. If it moves back it sticks, with another derivative; only the smoothed law `mindlin` has the
 //! same on both sides.
 
 use super::TORQUES;

@@ -242,7 +242,7 @@ impl Constants for Spheres {
             between_spheres(self, contact, Rescaled::new(smooth), smooth)
         } else if let Some(ageing) = &self.ageing {
             let friction = Aged::new(contact.friction, ageing);
-            let rough = Hertz::<true, Viscoelastic, Aged>::aged(self, contact, friction);
+            let rough = Hertz::<true, Viscoelastic, Aged>::with(self, contact, friction);
             between_spheres(self, contact, rough, smooth)
         } else {
             let rough = Hertz::<true>::new(self, contact);
@@ -369,13 +369,13 @@ pub struct Hertz<const FRICTION: bool, D = Viscoelastic, F = Coulomb> {
 impl<const FRICTION: bool> Hertz<FRICTION> {
     /// The law between these spheres.
     pub fn new(spheres: &Spheres, contact: &Contact) -> Self {
-        Self::aged(spheres, contact, Coulomb(contact.friction))
+        Self::with(spheres, contact, Coulomb(contact.friction))
     }
 }
 
 impl<const FRICTION: bool, F: Friction> Hertz<FRICTION, Viscoelastic, F> {
     /// The law between these spheres with this friction.
-    fn aged(spheres: &Spheres, contact: &Contact, friction: F) -> Self {
+    fn with(spheres: &Spheres, contact: &Contact, friction: F) -> Self {
         let tangential = spheres.tangential_damping / spheres.normal_damping.max(f64::MIN_POSITIVE);
         let dampers = [spheres.normal_damping, tangential];
         Self::damped(spheres, contact, dampers, friction)
@@ -383,7 +383,8 @@ impl<const FRICTION: bool, F: Friction> Hertz<FRICTION, Viscoelastic, F> {
 }
 
 impl<const FRICTION: bool, D: Damper, F: Friction> Hertz<FRICTION, D, F> {
-    /// The law with the damper `D`: its constant, and the tangential damper over the normal one.
+    /// The law with the damper `D`, its constant and the tangential damper over the normal one, and
+    /// this friction.
     pub(super) fn damped(
         spheres: &Spheres,
         contact: &Contact,
