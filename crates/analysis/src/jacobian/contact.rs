@@ -47,7 +47,7 @@ impl LinearContact {
     /// acts.
     pub fn new<D: Dimension>(
         law: &dyn Stiffness,
-        of: Forces,
+        forces: Forces,
         normal: TurningNormal,
         mut springs: SpringState,
         idle: bool,
@@ -60,7 +60,7 @@ impl LinearContact {
             let [x, y, z] = projected([x, y, z], n);
             springs.torques = [x, y, z, twist];
         }
-        let mut derivatives = match (of, idle) {
+        let mut derivatives = match (forces, idle) {
             (Forces::Elastic, true) => law.idle_derivatives(&springs)?,
             (Forces::Elastic, false) => law.derivatives(&springs),
             (Forces::Damping, true) => return None,

@@ -155,7 +155,7 @@ impl NetworkState<'_> {
         contact: &ContactState,
         pair: [&GrainState; 2],
         law: &dyn Stiffness,
-        of: Forces,
+        forces: Forces,
     ) -> Option<LinearContact> {
         let [a, b] = pair;
         let r = self.cell.separation::<D>(&a.position, &b.position);
@@ -188,7 +188,7 @@ impl NetworkState<'_> {
             n: n.into(),
             distance: turns_at,
         };
-        LinearContact::new::<D>(law, of, normal, springs, idle)
+        LinearContact::new::<D>(law, forces, normal, springs, idle)
     }
 }
 
@@ -205,7 +205,7 @@ struct Assembled {
 fn assembled<D: Dimension>(
     state: NetworkState<'_>,
     law: &dyn Stiffness,
-    of: Forces,
+    forces: Forces,
     history: History,
 ) -> Assembled {
     let NetworkState {
@@ -225,7 +225,7 @@ fn assembled<D: Dimension>(
     let touching = contacts.iter().filter_map(|c| {
         let i = &grains[c.i as usize];
         let pair = [i, &state.partner::<D>(i, c.j)?];
-        let contact = state.touch::<D>(c, pair, law, of)?;
+        let contact = state.touch::<D>(c, pair, law, forces)?;
         let places = [c.i, c.j].map(|g| place.get(g as usize).copied().flatten());
         Some((contact, places))
     });

@@ -63,8 +63,8 @@ pub struct Blocks<'a> {
     pub motion: &'a [PairMotion],
     /// The rotation of spheres that resist it, and its torques.
     pub turning: &'a mut [Turning],
-    /// 1/Δt (1/s) in three dimensions, where contacts age, and where an energy budget counts dampers
-    /// that are cut to a limit; 0 elsewhere, and if Δt is 0.
+    /// 1/Δt (1/s) in three dimensions, where contacts age, and where an energy budget counts
+    /// dampers that are cut to a limit; 0 elsewhere, and if Δt is 0.
     pub per_step: f64,
     /// Intermediate results that one loop of a law passes to the next.
     pub carry: &'a mut [[Lanes16; CARRY]],

@@ -127,8 +127,8 @@ impl ContactState {
         &bytemuck::bytes_of(self)[..std::mem::offset_of!(Self, limits)]
     }
 
-    /// What the motion of spheres depends on beside that but for the age: at which limits it is, and
-    /// the torques.
+    /// What the motion of spheres depends on beside that but for the age: at which limits it is,
+    /// and the torques.
     pub(crate) fn moving_spheres(&self) -> (i64, [f64; TORQUES]) {
         let [[slides, _], [rolls, _], _] = LIMITS;
         (self.limits & (slides | rolls), self.torques)

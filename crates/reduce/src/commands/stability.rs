@@ -36,7 +36,7 @@ pub struct Arguments {
     paper_form: bool,
     /// Also count the motions e^(st) that grow with the dampers of the law, all s of
     /// (s² M + s C + K) v = 0: eight times as long
-    #[arg(long, conflicts_with = "paper_form")]
+    #[arg(long)]
     dampers: bool,
     /// Stop at the first of these frames with a complex pair
     #[arg(long)]
