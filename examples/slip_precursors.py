@@ -210,7 +210,7 @@ def draw(table: pd.DataFrame, tests: pd.DataFrame, path: Path) -> None:
     left.set(xscale="log", ylim=(0, 1), xlabel="intervals before the start of the slip")
     left.set_ylabel("ROC area against random times, 95 %")
     left.invert_xaxis()
-    left.legend(fontsize=8)
+    left.legend(fontsize=8, loc="lower center", ncols=2)
     nearest = table[table["before"] == table.loc[table["before"] >= 0, "before"].min()]
     right.plot(nearest["size"], nearest["pairs"], "o", ms=4)
     null = table.loc[table["before"] < 0, "pairs"]

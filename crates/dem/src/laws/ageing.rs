@@ -6,10 +6,10 @@
 //!
 //! The age θ, in seconds, begins with the touch. v_s is the speed of the slip while the contact is
 //! at the limit, and 0 while it sticks; without D the slip does not renew the contact, and the age
-//! is the time since the touch. At a steady speed it becomes D/v_s. This is the law of J. H.
-//! Dieterich (J. Geophys. Res. 84, 2161, 1979) with the state of A. Ruina (J. Geophys. Res. 88,
-//! 10359, 1983), without the direct effect, for each contact, as S. Abe et al. have it in grains
-//! (Pure Appl. Geophys. 159, 1967, 2002).
+//! is the time since the touch. At a steady speed it becomes D/v_s. This is the law of Dieterich
+//! (J. Geophys. Res. 84, 2161, 1979) with the state of Ruina (J. Geophys. Res. 88, 10359, 1983),
+//! without the direct effect, for each contact, as Abe et al. have it in grains (Pure Appl.
+//! Geophys. 159, 1967, 2002).
 //!
 //! Over a step, with x = v_s Δt/D,
 //!
