@@ -94,7 +94,7 @@ fn a_flipped_bit_in_any_dataset_is_named() {
         }
     }
     drop(file);
-    assert_eq!(places.len(), 3 * (2 + 10 + 5 + 4 + 4 + 5));
+    assert_eq!(places.len(), 3 * (2 + 10 + 6 + 4 + 4 + 5));
     for (place, part) in places {
         let mut damaged = whole.clone();
         damaged[place] ^= 1;

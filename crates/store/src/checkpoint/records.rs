@@ -74,11 +74,11 @@ pub(super) trait Record: Pod {
     /// The ids of the pair, or twice that of the grain.
     fn ids(&self) -> (u32, u32);
 
-    /// What its checksum is of: a whole number at its end that is 0 adds nothing.
+    /// What its checksum is of: an optional number at its end that is 0 adds nothing, so that of
+    /// earlier versions, which did not have it, is the same.
     fn hashed(&self) -> &[u8] {
         let absent = Self::FIELDS.iter().find(|field| {
-            field.values == Values::OptionalInteger
-                && field.of::<Self, u64>(self).iter().all(|n| *n == 0)
+            field.values.are_optional() && field.width == 1 && field.of::<Self, u64>(self) == [0]
         });
         let end = absent.map_or(size_of::<Self>(), |field| field.at);
         &bytes_of(self)[..end]
