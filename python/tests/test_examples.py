@@ -43,8 +43,19 @@ def test_areas_and_ranks_of_known_cases(precursors: ModuleType) -> None:
     assert p < 1e-3
     rho, p = precursors.spearman(x, random.permutation(x), random)
     assert p > 0.01
-    low, high = precursors.interval(x + 30.0, x, random)
-    assert (low, high) == (1.0, 1.0)
+    apart = [pd.DataFrame({"run": 0, "x": values}) for values in (x + 30.0, x)]
+    assert precursors.interval(*apart, "x", random) == [1.0, 1.0]
+
+
+def test_intervals_of_several_runs_are_those_of_the_runs(precursors: ModuleType) -> None:
+    """Of two runs, in one of which everything is above and in the other below."""
+    random = np.random.default_rng(1)
+    high = pd.DataFrame({"run": [0, 0, 1, 1], "x": [2.0, 2.0, 0.0, 0.0]})
+    low = pd.DataFrame({"run": [0, 1], "x": [1.0, 1.0]})
+    assert precursors.interval(high, low, "x", random) == [0.0, 1.0]
+    # Within one run the same values leave both ends between.
+    low_end, high_end = precursors.interval(high.assign(run=0), low.assign(run=0), "x", random)
+    assert 0.0 <= low_end < 0.5 < high_end <= 1.0
 
 
 @pytest.mark.parametrize(("stored", "gap"), [(True, 32), (False, 32), (False, 0)])
@@ -65,7 +76,7 @@ def test_slips_of_a_run_are_reduced(
     out = tmp_path / "out"
     few = ["--slips=3", "--before=0,2", "--random=3"]
     precursors.main([str(run), f"--out={out}", *few])
-    assert "3 slips, 3 frames" in capsys.readouterr().out
+    assert "3 slips and 3 frames at random times of 1 runs" in capsys.readouterr().out
     table = pd.read_csv(out / "precursors.csv")
     assert sorted(table["before"]) == [-1] * 3 + [0] * 3 + [2] * 3
     assert (table["contacts"] > 0).all()
@@ -79,6 +90,17 @@ def test_slips_of_a_run_are_reduced(
     assert len(tests) == 2 * len(precursors.MEASURES)
     assert tests["roc_area"].between(0, 1).all()
     assert (out / "precursors.svg").stat().st_size > 10_000
+    if not stored:
+        return
+    # Several runs, here twice the same, with the dampers.
+    both = tmp_path / "both"
+    precursors.main([str(run), str(run), f"--out={both}", *few, "--dampers", "--calm=1"])
+    pooled = pd.read_csv(both / "precursors.csv")
+    assert (pooled.groupby("run").size() == len(table)).all()
+    assert (pooled["growing"] == pooled["negative"]).all()
+    assert (pooled["growing_pairs"] <= pooled["pairs"]).all()
+    tests = pd.read_csv(both / "precursors-tests.csv")
+    assert len(tests) == 2 * len(precursors.MEASURES | precursors.DAMPED)
 
 
 def test_stress_and_energy_of_a_relaxation_are_those_of_the_program(

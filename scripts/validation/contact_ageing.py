@@ -7,7 +7,7 @@ A layer of configs/gouge-holds-cheap.toml slides at 0.1 m/s, is held for 0.1 to 
 again, with seven kinds of contacts and agitation. All holds of a kind begin in one state, so that
 peaks after them differ by the hold alone. Writes OUT/contact-ageing-runs.csv,
 OUT/contact-ageing.csv and the figure OUT/contact-ageing.svg of docs/validation/gouge.md. Runs that
-are there already are not made again; two hours of a core. GSHEAR_MPI names the program.
+are there already are not made again; 80 minutes of a core. GSHEAR_MPI names the program.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from gouge_creep import FAST, SCENE, THICK, agitated, branch_from, columns, prog
 
 from gshear import Run
 
-SEEDS = (1, 2, 3, 4, 5)
+SEEDS = (1, 2, 3)
 VELOCITY = 0.1
 SLIDE = 1.5e-3
 HOLDS = (1e-4, 1e-3, 1e-2, 1e-1)
@@ -132,13 +132,13 @@ def table(out: Path) -> None:
 
 
 def draw(rows: pd.DataFrame, path: Path) -> None:
-    """Peaks after holds, less that after the shortest, over the time of the hold."""
+    """Peaks after holds, less that after 1 ms, when grains rest, over the time of the hold."""
     import matplotlib.pyplot as plt
 
     still, shaken = plt.figure(figsize=(7.0, 3.4), layout="constrained").subplots(1, 2, sharey=True)
     for kind in KINDS:
         own = rows[rows["kind"] == kind.name].pivot_table("peak", "hold", "seed")
-        change = own - own.iloc[0]
+        change = own - own.loc[HOLDS[1]]
         axes = shaken if kind.amplitude else still
         errors = change.sem(axis=1)
         axes.errorbar(
@@ -148,7 +148,7 @@ def draw(rows: pd.DataFrame, path: Path) -> None:
         axes.set(xscale="log", xlabel="hold (ms)", title=title)
         axes.axhline(0.0, color="grey", linewidth=0.5)
         axes.legend(fontsize="small")
-    still.set_ylabel("peak less that after 0.1 ms")
+    still.set_ylabel("peak less that after 1 ms")
     still.figure.savefig(path, metadata={"Date": None})
 
 
