@@ -110,15 +110,15 @@ impl Springs {
         }
     }
 
-    /// The law between disks or spheres with friction.
-    fn rough<D: Dimension, const ROLLING: bool>(&self, contact: &Contact) -> Box<dyn PairForce<D>> {
-        match &self.ageing {
-            Some(ageing) => Box::new(Hooke::<D, true, ROLLING, Aged>::with(
-                self,
-                contact,
-                Aged::new(contact.friction, ageing),
-            )),
-            None => Box::new(Hooke::<D, true, ROLLING>::new(self, contact)),
+    /// The law between disks with friction.
+    fn rough_disks<const ROLLING: bool>(&self, contact: &Contact) -> Box<dyn PairForce<Two>> {
+        if let Some(ageing) = &self.ageing {
+            let friction = Aged::new(contact.friction, ageing);
+            Box::new(Hooke::<Two, true, ROLLING, Aged>::with(
+                self, contact, friction,
+            ))
+        } else {
+            Box::new(Hooke::<Two, true, ROLLING>::new(self, contact))
         }
     }
 }
@@ -195,8 +195,8 @@ impl Constants for Springs {
             match (contact.friction > 0.0, contact.rolling_friction > 0.0) {
                 (false, false) => Box::new(Hooke::<Two, false, false>::new(self, contact)),
                 (false, true) => Box::new(Hooke::<Two, false, true>::new(self, contact)),
-                (true, false) => self.rough::<Two, false>(contact),
-                (true, true) => self.rough::<Two, true>(contact),
+                (true, false) => self.rough_disks::<false>(contact),
+                (true, true) => self.rough_disks::<true>(contact),
             },
         )
     }
