@@ -157,6 +157,16 @@ def test_events_of_another_run_are_found_anew(
         pd.testing.assert_frame_equal(run.events(), right)
 
 
+def test_tables_without_lines_are_those_that_were_asked_for(copy: Callable[[str], Path]) -> None:
+    with Run(copy("disks"), quiet=True) as run:
+        program = str(programs.find("gshear-reduce"))
+        programs.run([program, "events", str(run.path), "--threshold", "1e9"], quiet=True)
+        programs.run([program, "correlate", str(run.path), "--from", "10"], quiet=True)
+        assert len(run.events()) == len(run.event_grains()) == 0
+        assert len(run.measures()) == 0
+        assert run.correlations()["pairs"].sum() == 0
+
+
 def test_scalars_phases_and_stages_of_spheres(copy: Callable[[str], Path], tmp_path: Path) -> None:
     """Regions by scikit-learn's definition, principal stresses and angles by NumPy."""
     with Run(copy("spheres"), quiet=True) as run:

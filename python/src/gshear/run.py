@@ -863,7 +863,8 @@ class Run:
     def _are_measures(self, table: pd.DataFrame) -> bool:
         """Whether every phase starts and ends at this run's steps, with this run's change of τ."""
         steps, tau = self._stress_ratio_at_scalars()
-        ends = table[["start_step", "end_step"]].to_numpy()
+        # Without lines the columns have no type.
+        ends = table[["start_step", "end_step"]].to_numpy(dtype=np.uint64)
         at = np.searchsorted(steps, ends)
         if at.max(initial=-1) >= len(steps):
             return False
@@ -877,8 +878,12 @@ class Run:
         if not self._is_newer(path):
             return False
         grains = read_csv(path)
-        sums = grains.groupby("event")["dmin"].sum()
-        return self._are_active_grains(grains) and np.allclose(sums, table["dmin_sum"], rtol=1e-9)
+        sums = grains.groupby("event")["dmin"].sum().to_numpy(dtype=np.float64)
+        return (
+            self._are_active_grains(grains)
+            and len(sums) == len(table)
+            and _equal(table["dmin_sum"], sums)
+        )
 
     def _are_active_grains(self, table: pd.DataFrame) -> bool:
         """Whether the first and the last active grain are where this run has them."""
@@ -1207,4 +1212,6 @@ def _line(x: NDArray[np.float64], y: NDArray[np.float64], at: NDArray[Any]) -> N
 def _equal(table: pd.Series, own: NDArray[np.float64]) -> bool:
     """Whether a column has the numbers of the run, where the run has any."""
     known = np.isfinite(own)
-    return np.allclose(table.to_numpy()[known], own[known], rtol=1e-9, atol=0)
+    # Without lines a column has no type.
+    numbers = table.to_numpy(dtype=np.float64)
+    return np.allclose(numbers[known], own[known], rtol=1e-9, atol=0)
