@@ -228,3 +228,40 @@ fn a_stage_after_it_begins_in_its_cell() {
     assert!((end[0][0] / 11e-3 / (-0.05_f64).exp() - 1.0).abs() < 1e-11);
     assert_eq!(begin, end);
 }
+
+/// The report draws what changes: lengths of the axes that there are, and their stresses.
+#[test]
+fn a_report_has_the_lengths_and_stresses_of_a_cell() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let short = ["output.energy=false", "output.series_rows=20"];
+    let changes = "{velocity=0.1,time=0.004,stress_xx=1.2e3}";
+    let both = "{velocity=0.1,time=0.004,stress_xx=1.2e3,stress_yy=800}";
+    let constant = "{velocity=0.1,time=0.004}";
+    for (name, scene, parts, lengths) in [
+        ("disks", DISKS, changes, Some(&["length", "height"][..])),
+        ("constant", DISKS, constant, None),
+        (
+            "spheres",
+            SPHERES,
+            both,
+            Some(&["length", "width", "height"]),
+        ),
+    ] {
+        run(folder.path(), name, scene, parts, &short);
+        let own = folder.path().join(name);
+        succeed(reducer().arg("report").arg(&own));
+        let drawn = |figure: &str| {
+            std::fs::read_to_string(own.join("report").join(figure).with_extension("svg")).ok()
+        };
+        let stresses = drawn("cell-stresses").expect("a figure of stresses");
+        let axes = 2 + usize::from(name == "spheres");
+        assert_eq!(stresses.matches('σ').count(), axes, "{name}");
+        let found = drawn("cell-lengths");
+        assert_eq!(found.is_some(), lengths.is_some(), "{name}");
+        for word in ["length", "width", "height"] {
+            let wanted = lengths.is_some_and(|words| words.contains(&word));
+            let mut words = found.as_deref().unwrap_or_default().lines();
+            assert_eq!(words.any(|line| line == word), wanted, "{name}: {word}");
+        }
+    }
+}

@@ -102,7 +102,7 @@ impl MeasuredCurve<'_> {
 /// Draws the quantities that the run has recorded.
 pub fn figures(run: &RunFile, axis: &Axis) -> Vec<ReportFigure> {
     let driven = is_driven(run);
-    let panels = PANELS.walls.iter().filter(|panel| {
+    let panels = PANELS.shear.iter().filter(|panel| {
         let mut columns = panel.lines.iter().map(|[column, _]| column);
         (driven || panel.name != "slip-rate") && columns.all(|column| run.series().has(column))
     });

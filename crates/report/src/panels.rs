@@ -14,8 +14,8 @@ pub(crate) static PANELS: LazyLock<Panels> =
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Panels {
-    /// Of a run between walls.
-    pub walls: Vec<Panel>,
+    /// Of a shear: those whose columns the run has.
+    pub shear: Vec<Panel>,
     /// Over the strain of a box.
     pub strain: Vec<Panel>,
     /// Over the time of Newton's equations.
