@@ -1,7 +1,7 @@
 //! Many ranks, by MPI.
 
 use crate::hints::Hints;
-use crate::launcher::{launched, library_version, variable};
+use crate::launcher::{launched, launcher_variable, library_version, variable};
 use crate::node::Node;
 use crate::parallel::Parallel;
 use crate::posted::{PostedHalo, PostedSum};
@@ -77,6 +77,14 @@ const LIBRARIES: [(&str, &str); 4] = [
     ("OMPI_MCA_mpi_yield_when_idle", "1"),
 ];
 
+/// Settings of Open MPI for a rank that no launcher started, likewise: it starts in a third of the
+/// time without a daemon and without a look for networks.
+const ALONE: [(&str, &str); 3] = [
+    ("OMPI_MCA_ess_singleton_isolated", "1"),
+    ("OMPI_MCA_btl", "self"),
+    ("OMPI_MCA_pml", "ob1"),
+];
+
 /// If this is in rank 0's environment, all messages go through the MPI library.
 const NO_SHARED_MEMORY: &str = "GSHEAR_NO_SHARED_MEMORY";
 
@@ -90,7 +98,9 @@ impl World {
     /// # Panics
     /// If MPI has been started before.
     pub fn start() -> World {
-        for (name, value) in LIBRARIES {
+        let alone = launcher_variable().is_none();
+        let settings = ALONE.into_iter().filter(|_| alone).chain(LIBRARIES);
+        for (name, value) in settings {
             if std::env::var_os(name).is_none() {
                 // SAFETY: the caller has started no other thread that could read the environment.
                 unsafe { std::env::set_var(name, value) };
