@@ -2,14 +2,15 @@
 """Do complex pairs and negative eigenvalues of K foretell slips?
 
     python3 examples/slip_precursors.py RUN [RUN ...] --out OUT [--slips 50] [--before 0,1,2,4,8,16,32]
-        [--calm 2e-3] [--dampers]
+        [--calm 2e-3] [--dampers] [--dmin 8] [--probes]
 
 Takes the largest slips of each run of disks, finds all eigenvalues of K v = λ M v at some rows of
 the time series before the start of each, and compares them with frames at random times in sticks of
 the same runs. With --calm only slips that begin a drop count: τ has not fallen by that before.
---dampers adds the motions that grow with the dampers. Intervals of several runs are by resampling
-runs, those of one by resampling its slips. Without frames in RUN every slip is replayed from its
-kept checkpoints.
+--dampers adds the motions that grow with the dampers, --dmin D²min over so many intervals before,
+--probes the local yield stress (local_yield.py): the least of the slabs. Intervals of several runs
+are by resampling runs, those of one by resampling its slips. Without frames in RUN every slip is
+replayed from its kept checkpoints.
 
 Writes precursors.csv (one line per frame), precursors-tests.csv (one line per measure and time) and
 precursors.svg into OUT. Needs the Python package of `python/` and gshear-reduce; frames that are
@@ -26,6 +27,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from local_yield import Probe, probed
 
 from gshear import Run, programs
 
@@ -41,6 +43,14 @@ DAMPED = {
     "growing": "growing real motions, damped",
     "damped_growth_rate": "fastest growth rate, damped",
 }
+OTHERS = {
+    "dmin_greatest": "greatest D²min",
+    "dmin_top_tenth": "D²min, top tenth",
+    "local_yield": "least local yield stress",
+}
+ALL = MEASURES | DAMPED | OTHERS
+# Slabs of 6 diameters every 4, sheared by 0.002 diameters: some hundred intervals.
+PROBE = Probe(spacing=4.0, displacement=0.002)
 RESAMPLES = 2000
 # Rows further apart are replayed each by itself.
 GAP = 32
@@ -61,6 +71,9 @@ class Chosen(NamedTuple):
     # By how much τ may have fallen before.
     calm: float
     with_dampers: bool
+    # Intervals of D²min; 0 is without it.
+    lag: int
+    with_probes: bool
 
 
 def slips_of(run: Run, chosen: Chosen, first: int) -> list[Slip]:
@@ -103,8 +116,8 @@ def reduce(*arguments: object) -> None:
     programs.run([programs.find("gshear-reduce"), *map(str, arguments)], quiet=True)
 
 
-def frames_of(run: Run, rows: list[int], out: Path) -> Path:
-    """Returns a file with a frame at each of the rows: that of the run, or of a replay."""
+def frames_of(run: Run, rows: list[int], out: Path, lag: int) -> Path:
+    """Returns a file with a frame at each of the rows and `lag` before: of the run or a replay."""
     steps = run.series["step"][rows]
     if set(steps) <= set(run.frames.step.tolist()):
         return run.path
@@ -112,29 +125,48 @@ def frames_of(run: Run, rows: list[int], out: Path) -> Path:
     if not (folder / "run.h5").exists():
         strain = run.series["strain"]
         # A replay needs two rows: the one before the first comes along, and half an interval.
+        first = rows[0] - max(1, lag)
         half = 0.4 * (strain[rows[0]] - strain[rows[0] - 1])
-        ends = [float(strain[rows[0] - 1] - half), float(strain[rows[-1]] + half)]
+        ends = [float(strain[first] - half), float(strain[rows[-1]] + half)]
         reduce("replay", run.path, "--out", folder, f"--strain={ends[0]!r}..{ends[1]!r}")
     return folder / "run.h5"
 
 
-def stability(run: Run, rows: list[int], out: Path, with_dampers: bool) -> pd.DataFrame:
-    """Returns the line of stability.csv at every row of the time series."""
-    more = ["--dampers"] if with_dampers else []
+def other_measures(run: Run, frame: int, chosen: Chosen) -> dict[str, float]:
+    """Returns D²min over the square of the mean radius, and the least local yield stress."""
+    found = {}
+    if chosen.lag:
+        grains = run.frames[frame]
+        dmin = run.dmin(frame, lag=chosen.lag)[np.asarray(grains.body) == 0]
+        known = np.sort(dmin[np.isfinite(dmin)])[::-1] / np.mean(grains.radius) ** 2
+        found["dmin_greatest"] = float(known[0])
+        found["dmin_top_tenth"] = float(known[: max(1, len(known) // 10)].mean())
+    if chosen.with_probes:
+        found["local_yield"] = float(probed(run, frame, PROBE)["local_yield"].min())
+    return found
+
+
+def measures_of(run: Run, rows: list[int], out: Path, chosen: Chosen) -> pd.DataFrame:
+    """Returns a line at every row of the time series: that of stability.csv, and other measures."""
+    more = ["--dampers"] if chosen.with_dampers else []
     lines = []
     for group in windows(rows):
         steps = [int(run.series["step"][row]) for row in group]
         folders = [out / f"step-{step}" for step in steps]
-        if not all((folder / "stability.csv").exists() for folder in folders):
-            path = frames_of(run, group, out)
-            with Run(path, quiet=True) as source:
+        if not all((folder / "measures.csv").exists() for folder in folders):
+            path = frames_of(run, group, out, chosen.lag)
+            results = out if path == run.path else path.parent
+            with Run(path, results=results, quiet=True) as source:
                 numbers = {int(step): k for k, step in enumerate(source.frames.step)}
-            for step, folder in zip(steps, folders, strict=True):
-                folder.mkdir(parents=True, exist_ok=True)
-                at = numbers[step]
-                if not (folder / "stability.csv").exists():
-                    reduce("stability", path, f"--frames={at}..{at}", "--out", folder, *more)
-        lines += [pd.read_csv(folder / "stability.csv").iloc[0] for folder in folders]
+                for step, folder in zip(steps, folders, strict=True):
+                    folder.mkdir(parents=True, exist_ok=True)
+                    at = numbers[step]
+                    if not (folder / "stability.csv").exists():
+                        reduce("stability", path, f"--frames={at}..{at}", "--out", folder, *more)
+                    line = pd.read_csv(folder / "stability.csv").iloc[0].to_dict()
+                    line |= other_measures(source, at, chosen)
+                    pd.DataFrame([line]).to_csv(folder / "measures.csv", index=False)
+        lines += [pd.read_csv(folder / "measures.csv").iloc[0] for folder in folders]
     table = pd.DataFrame(lines).reset_index(drop=True)
     table["row"] = [row for group in windows(rows) for row in group]
     return table
@@ -183,7 +215,7 @@ def tests_of(table: pd.DataFrame, random: np.random.Generator) -> pd.DataFrame:
     null = table[table["before"] < 0]
     found = []
     for before, frames in table[table["before"] >= 0].groupby("before"):
-        for measure in [name for name in MEASURES | DAMPED if name in table]:
+        for measure in [name for name in ALL if name in table]:
             high, low = frames[measure].to_numpy(float), null[measure].to_numpy(float)
             rho, p = spearman(high, frames["size"].to_numpy(float), random)
             area, (from_, to) = roc_area(high, low), interval(frames, null, measure, random)
@@ -199,7 +231,7 @@ def draw(table: pd.DataFrame, tests: pd.DataFrame, path: Path) -> None:
     mpl.rcParams["svg.fonttype"] = "none"
     mpl.rcParams["svg.hashsalt"] = "slip precursors"
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), layout="constrained")
-    shown = {name: label for name, label in (MEASURES | DAMPED).items() if name in table}
+    shown = {name: label for name, label in ALL.items() if name in table}
     for k, (measure, name) in enumerate(shown.items()):
         of = tests[tests["measure"] == measure]
         # Zero intervals before the slip stand at a half.
@@ -240,11 +272,13 @@ def main(arguments: list[str] | None = None) -> None:
         "--calm", type=float, default=np.inf, help="greatest fall of τ before [any]"
     )
     parser.add_argument("--dampers", action="store_true", help="with the dampers, too")
+    parser.add_argument("--dmin", type=int, default=0, help="D²min over so many intervals [none]")
+    parser.add_argument("--probes", action="store_true", help="the local yield stress, too")
     parser.add_argument("--before", default="0,1,2,4,8,16,32", help="intervals before the slip")
     parser.add_argument("--from", type=float, default=0.0, dest="onset", help="first strain [0]")
     given = parser.parse_args(arguments)
     times = [int(x) for x in given.before.split(",")]
-    chosen = Chosen(given.slips, times, given.calm, given.dampers)
+    chosen = Chosen(given.slips, times, given.calm, given.dampers, given.dmin, given.probes)
     random = np.random.default_rng(1)
     given.out.mkdir(parents=True, exist_ok=True)
     lines = []
@@ -256,7 +290,7 @@ def main(arguments: list[str] | None = None) -> None:
             null = random_rows(run, given.random, onset, random)
             rows = sorted(wanted | set(null))
             out = given.out if len(given.runs) == 1 else given.out / f"run-{k + 1}"
-            found = stability(run, rows, out, chosen.with_dampers).set_index("row")
+            found = measures_of(run, rows, out, chosen).set_index("row")
         lines += [
             {"run": k, "slip": n, "before": time, "size": slip.size}
             | found.loc[slip.row - time].to_dict()

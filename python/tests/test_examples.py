@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -18,11 +19,14 @@ SCENES = Path(__file__).resolve().parents[2] / "tests" / "scenes"
 
 
 def example(name: str) -> ModuleType:
+    # They import each other, as a script's neighbours.
+    sys.path.insert(0, str(EXAMPLES))
     spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    sys.path.remove(str(EXAMPLES))
     return module
 
 
@@ -92,15 +96,58 @@ def test_slips_of_a_run_are_reduced(
     assert (out / "precursors.svg").stat().st_size > 10_000
     if not stored:
         return
-    # Several runs, here twice the same, with the dampers.
+    # Several runs, here twice the same, with all measures.
+    more = ["--dmin=2", "--probes"]
     both = tmp_path / "both"
-    precursors.main([str(run), str(run), f"--out={both}", *few, "--dampers", "--calm=1"])
+    precursors.main([str(run), str(run), f"--out={both}", *few, "--dampers", "--calm=1", *more])
     pooled = pd.read_csv(both / "precursors.csv")
     assert (pooled.groupby("run").size() == len(table)).all()
     assert (pooled["growing"] == pooled["negative"]).all()
     assert (pooled["growing_pairs"] <= pooled["pairs"]).all()
     tests = pd.read_csv(both / "precursors-tests.csv")
-    assert len(tests) == 2 * len(precursors.MEASURES | precursors.DAMPED)
+    assert len(tests) == 2 * len(precursors.ALL)
+    with Run(run, quiet=True) as original:
+        numbers = original.frames.step.tolist()
+        for line in pooled.to_dict("records"):
+            dmin = original.dmin(numbers.index(line["step"]), lag=2)
+            dmin = dmin[original.frames[0].body == 0]
+            greatest = np.nanmax(dmin) / np.mean(original.frames[0].radius) ** 2
+            assert line["dmin_greatest"] == pytest.approx(greatest, rel=1e-12)
+            assert line["dmin_top_tenth"] < line["dmin_greatest"]
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_slab_as_high_as_the_layer_goes_on_as_the_run(dimension: int, tmp_path: Path) -> None:
+    """Its τ is that of the run; lower slabs begin at the same τ, and bear more than the weakest."""
+    local_yield = example("local_yield")
+    values: dict[str, object] = {"shear.inertial_number": 5e-3, "shear.strain": 0.02}
+    values |= {"output.series_strain": 1e-4, "output.frame_strain": 1e-3}
+    if dimension == 3:
+        part = {"velocity": 0.05, "time": 2e-3}
+        values = {"shear.spring_number": None, "shear.protocol": [part]}
+        values |= {"output.series_rows": 200, "output.frame_rows": 20}
+    scene = SCENES / ("crossing.toml" if dimension == 2 else "crossing-3d.toml")
+    path = simulate(scene, tmp_path / "run", ranks=1, values=values, quiet=True)
+    with Run(path, quiet=True) as run:
+        tau, slip, step = (run.series[c].to_numpy() for c in ("stress_ratio", "slip", "step"))
+        starts = np.searchsorted(step, run.frames.step[1:-2])
+        # Where τ rises most.
+        frame = int(np.argmax([tau[at + 20] - tau[at] for at in starts])) + 1
+        start, end = starts[frame - 1], starts[frame - 1] + 20
+        rise = tau[start : end + 1].max() - tau[start]
+        diameter = 2.0 * float(np.mean(run.frames[frame].radius))
+        distance = (slip[end] - slip[start]) / diameter
+        whole = local_yield.probed(run, frame, local_yield.Probe(1e3, 1.0, distance))
+        assert len(whole) == 1
+        assert whole["grains"].tolist() == [(run.frames[frame].body == 0).sum()]
+        assert whole["stress_ratio"].tolist() == [tau[start]]
+        assert whole["local_yield"][0] == pytest.approx(rise, rel=0.05)
+        words = [str(path), str(frame), "1", f"--out={tmp_path / 'out'}", "--height=3"]
+        local_yield.main([*words, "--spacing=2"])
+    table = pd.read_csv(tmp_path / "out/local-yield.csv")
+    assert (table.groupby("frame").size() >= 2).all()
+    assert (table["grains"] > 5).all()
+    assert table["local_yield"].max() > rise
 
 
 def test_stress_and_energy_of_a_relaxation_are_those_of_the_program(
