@@ -55,7 +55,14 @@ WALLS = {
 LONG = ((20e3, 2e-6), (2e3, 40e-6), (20e3, 1e-6), (100e3, 0.4e-6), (5e3, 4e-6))
 LARGE = ((20e3, 2e-6), (2e3, 40e-6), (100e3, 0.4e-6))
 LOADS = ((20e3, 0.2e6), (2e3, 0.5e6))
-LARGE_SIZE = ("sample.grains=4815", "sample.length=60e-3", "sample.width=60e-3")
+# About as many free spheres as the paper has, between walls of two layers: at 2 kHz one slips through
+# a wall of a single layer.
+LARGE_SIZE = (
+    "sample.grains=5720",
+    "sample.length=60e-3",
+    "sample.width=60e-3",
+    "sample.wall_thickness=2",
+)
 # Branches have the keys of the run that they begin from.
 RECORDED = ("output.energy=true", "output.temperatures=true")
 # Windows of the slope over ln t (s).
@@ -186,7 +193,7 @@ def hold(
     large: bool = False,
 ) -> None:
     """Makes and records a hold, and a few cycles after it in which contacts are counted."""
-    size = "4815" if large else "770"
+    size = "5720" if large else "770"
     key = {
         "size": int(size),
         "source": source,
@@ -244,7 +251,7 @@ def wall(out: Path, seed: int) -> None:
 
 
 def large(out: Path, seed: int) -> None:
-    """Holds of 4,815 spheres."""
+    """Holds of the paper's number of free spheres, 4,070 or so."""
     for frequency, amplitude in LARGE:
         hold(out, "wall", frequency, amplitude, seed, large=True)
 
