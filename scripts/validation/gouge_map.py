@@ -251,7 +251,7 @@ def wall(out: Path, seed: int) -> None:
 
 
 def large(out: Path, seed: int) -> None:
-    """Holds of the paper's number of free spheres, 4,070 or so."""
+    """Holds of the paper's number of spheres, 4,160 of them free."""
     for frequency, amplitude in LARGE:
         hold(out, "wall", frequency, amplitude, seed, large=True)
 
@@ -374,8 +374,9 @@ def sources_of(table: pd.DataFrame) -> dict[str, tuple[pd.DataFrame, str, object
     held = table[(table["duration"] == HOLD) & (table["source"] != "none")]
     groups = {}
     for (source, frequency, size), rows in held.groupby(["source", "frequency", "size"]):
-        marker = "s" if size == 4815 else markers[source]
-        more = ", 4,815 spheres" if size == 4815 else ""
+        is_large = size != 770
+        marker = "s" if is_large else markers[source]
+        more = ", 4,160 spheres" if is_large else ""
         name = f"{source}, {frequency / 1e3:g} kHz{more}"
         groups[name] = (rows, marker, colours[frequency])
     return groups
@@ -458,9 +459,11 @@ def table(out: Path) -> None:
 
 
 def table_of_steps(out: Path) -> None:
-    """Writes the table of the velocity steps, and prints their mean over packings."""
+    """Writes the table of the velocity steps, if there are any, and prints their mean."""
     joined = runpy.run_path(str(Path(__file__).parents[1] / "tables.py"))["joined"]
     rows, digests = slides(out)
+    if not digests:
+        return
     rows.to_csv(out / "gouge-steps.csv", index=False, float_format="%.4g")
     print(f"gouge-steps.csv: {len(digests)} runs, digest {joined(digests)}")
     of_packings = rows.groupby("seed")["per_factor_e"].mean()
