@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Do complex pairs and negative eigenvalues of K foretell slips?
 
-    python3 examples/slip_precursors.py RUN [RUN ...] --out OUT [--slips 50] [--before 0,1,2,4,8,16,32]
-        [--calm 2e-3] [--dampers] [--dmin 8] [--probes]
+    python3 examples/slip_precursors.py RUN [RUN ...] --out OUT [--slips 50]
+        [--before 0,1,2,4,8,16,32] [--calm 2e-3] [--dampers] [--dmin 8] [--probes]
 
 Takes the largest slips of each run of disks, finds all eigenvalues of K v = λ M v at some rows of
 the time series before the start of each, and compares them with frames at random times in sticks of
@@ -237,7 +237,8 @@ def draw(table: pd.DataFrame, tests: pd.DataFrame, path: Path) -> None:
         # Zero intervals before the slip stand at a half.
         x = np.maximum(of["before"], 0.5) * (1 + 0.05 * (k - len(shown) // 2))
         error = [of["roc_area"] - of["roc_low"], of["roc_high"] - of["roc_area"]]
-        left.errorbar(x, of["roc_area"], yerror(error), fmt="o", ms=4, capsize=2, label=name)
+        marker = "s" if measure in OTHERS else "o"
+        left.errorbar(x, of["roc_area"], yerror(error), fmt=marker, ms=4, capsize=2, label=name)
     left.axhline(0.5, color="grey", lw=1)
     left.set(xscale="log", ylim=(0, 1), xlabel="intervals before the start of the slip")
     left.set_ylabel("ROC area against random times, 95 %")
@@ -249,6 +250,7 @@ def draw(table: pd.DataFrame, tests: pd.DataFrame, path: Path) -> None:
     right.axhspan(*np.quantile(null, [0.25, 0.75]), color="grey", alpha=0.25)
     right.axhline(null.median(), color="grey", lw=1)
     right.set(xscale="log", xlabel="size of the slip, |Δτ|")
+    right.xaxis.set_minor_formatter("")
     right.set_ylabel("complex pairs; grey: quartiles at random times")
     figure.savefig(path, metadata={"Date": None})
     plt.close(figure)

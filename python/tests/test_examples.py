@@ -108,12 +108,12 @@ def test_slips_of_a_run_are_reduced(
     assert len(tests) == 2 * len(precursors.ALL)
     with Run(run, quiet=True) as original:
         numbers = original.frames.step.tolist()
-        for line in pooled.to_dict("records"):
-            dmin = original.dmin(numbers.index(line["step"]), lag=2)
+        for state in pooled.to_dict("records"):
+            dmin = original.dmin(numbers.index(state["step"]), lag=2)
             dmin = dmin[original.frames[0].body == 0]
             greatest = np.nanmax(dmin) / np.mean(original.frames[0].radius) ** 2
-            assert line["dmin_greatest"] == pytest.approx(greatest, rel=1e-12)
-            assert line["dmin_top_tenth"] < line["dmin_greatest"]
+            assert state["dmin_greatest"] == pytest.approx(greatest, rel=1e-12)
+            assert state["dmin_top_tenth"] < state["dmin_greatest"]
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

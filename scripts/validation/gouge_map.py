@@ -55,8 +55,8 @@ WALLS = {
 LONG = ((20e3, 2e-6), (2e3, 40e-6), (20e3, 1e-6), (100e3, 0.4e-6), (5e3, 4e-6))
 LARGE = ((20e3, 2e-6), (2e3, 40e-6), (100e3, 0.4e-6))
 LOADS = ((20e3, 0.2e6), (2e3, 0.5e6))
-# About as many free spheres as the paper has, between walls of two layers: at 2 kHz one slips through
-# a wall of a single layer.
+# About as many free spheres as the paper has, between walls of two layers: at 2 kHz one slips
+# through a wall of a single layer.
 LARGE_SIZE = (
     "sample.grains=5720",
     "sample.length=60e-3",
