@@ -26,7 +26,7 @@
 //! | `OMPI_MCA_btl_vader_eager_limit` | 16384 unless set, so that a halo message needs no handshake |
 //! | `OMPI_MCA_io` | `^ompio` unless set, because OMPIO loses the rest of a short write |
 //! | `ROMIO_HINTS` | hints for MPI-IO; unless set, each rank writes for itself |
-//! | `OMPI_MCA_btl`, `OMPI_MCA_pml`, `OMPI_MCA_ess_singleton_isolated` | of a rank without a launcher `self`, `ob1` and 1 unless set, so that it starts at once |
+//! | `OMPI_MCA_btl`, `OMPI_MCA_pml` | of a rank without a launcher `self` and `ob1` unless set, so that it looks for no networks |
 //! | `OMPI_MCA_mpi_yield_when_idle` | 1 unless set, so that waiting ranks yield their core |
 //!
 //! The [contracts](gshear_dem#contracts) hold on any number of ranks: every sum is one of integers,
