@@ -183,6 +183,7 @@ DRAWN = {
     "slips_per_percent": "slips beyond 1e-3\nper percent of γ",
     "mean_of_ten_greatest": "mean |Δτ_p| of\nthe ten greatest",
     "slow_phases_per_interval": "phases per interval\nat I = 4e-6",
+    "events_per_percent": "events of D²min\nper percent of γ",
     "rho": "ρ of |Δτ_p| with\nmg_t10%D²min",
 }
 
@@ -193,7 +194,7 @@ def draw(runs: pd.DataFrame, path: Path) -> None:
     import matplotlib.pyplot as plt
 
     mpl.rcParams["svg.hashsalt"] = "disk shapes"
-    figure = plt.figure(figsize=(12.5, 4.6), layout="constrained")
+    figure = plt.figure(figsize=(14.0, 4.6), layout="constrained")
     grid = figure.subplots(2, len(DRAWN), sharey="col")
     chosen = ((runs["ratio"] == KINDS[0].ratio, "rolling"), (runs["rolling"] == 0.01, "ratio"))
     for line, (own, over) in zip(grid, chosen, strict=True):
@@ -202,6 +203,8 @@ def draw(runs: pd.DataFrame, path: Path) -> None:
             means = groups.mean()
             panel.errorbar(means.index, means, groups.sem(), fmt="o-", capsize=2, color="#30527a")
             panel.set_ylabel(label)
+            if quantity == "events_per_percent":
+                panel.set_yscale("log")
             if over == "rolling":
                 panel.set_xscale("symlog", linthresh=0.01)
                 panel.set_xticks([0.0, 0.01, 0.03, 0.1, 0.3], ["0", "0.01", "0.03", "0.1", "0.3"])

@@ -94,8 +94,10 @@ impl World {
     /// # Panics
     /// If MPI has been started before.
     pub fn start() -> World {
-        let alone = launcher_variable().is_none();
-        let settings = ALONE.into_iter().filter(|_| alone).chain(LIBRARIES);
+        let mut settings = LIBRARIES.to_vec();
+        if launcher_variable().is_none() {
+            settings.extend(ALONE);
+        }
         for (name, value) in settings {
             if std::env::var_os(name).is_none() {
                 // SAFETY: the caller has started no other thread that could read the environment.
