@@ -193,6 +193,7 @@ def draw(runs: pd.DataFrame, path: Path) -> None:
     import matplotlib as mpl
     import matplotlib.pyplot as plt
 
+    mpl.rcParams["svg.fonttype"] = "none"
     mpl.rcParams["svg.hashsalt"] = "disk shapes"
     figure = plt.figure(figsize=(14.0, 4.6), layout="constrained")
     grid = figure.subplots(2, len(DRAWN), sharey="col")
@@ -201,16 +202,15 @@ def draw(runs: pd.DataFrame, path: Path) -> None:
         for panel, (quantity, label) in zip(line, DRAWN.items(), strict=True):
             groups = runs[own].groupby(over)[quantity]
             means = groups.mean()
-            panel.errorbar(means.index, means, groups.sem(), fmt="o-", capsize=2, color="#30527a")
+            places = range(len(means))
+            panel.errorbar(places, means, groups.sem(), fmt="o-", capsize=2, color="#30527a")
+            panel.set_xticks(places, [f"{x:g}" for x in means.index], fontsize="small")
+            panel.set_xlabel("μ_r" if over == "rolling" else "R_max/R_min")
             panel.set_ylabel(label)
             if quantity == "events_per_percent":
                 panel.set_yscale("log")
-            if over == "rolling":
-                panel.set_xscale("symlog", linthresh=0.01)
-                panel.set_xticks([0.0, 0.01, 0.03, 0.1, 0.3], ["0", "0.01", "0.03", "0.1", "0.3"])
-                panel.set_xlabel("rolling friction μ_r")
-            else:
-                panel.set_xlabel("R_max/R_min")
+                panel.set_yticks([30, 100, 300], ["30", "100", "300"])
+                panel.yaxis.set_minor_formatter("")
     figure.savefig(path, metadata={"Date": None})
 
 
