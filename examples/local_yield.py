@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from gshear import Run, programs, simulate
+from gshear import GshearError, Run, RunError, programs, simulate
 
 # Tables of the scene that a probe keeps; its packing is that of the frame.
 KEPT = ("material", "contact", "load", "time")
@@ -98,6 +98,8 @@ def probed(run: Run, frame: int, probe: Probe) -> pd.DataFrame:
     row = run.series["step"].searchsorted(run.frames.step[frame])
     here = run.series.iloc[row]
     velocity = probe.velocity or float(here["drive_velocity"])
+    if velocity == 0.0:
+        raise RunError(f"{run.path}: frame {frame}: the drive stands still; give --velocity")
     part = {"velocity": velocity, "distance": probe.displacement * diameter}
     found = []
     with tempfile.TemporaryDirectory() as name:
@@ -116,6 +118,8 @@ def probed(run: Run, frame: int, probe: Probe) -> pd.DataFrame:
         state = exported(run.path, frame, folder)
         heights = state.heights(run.dimension)
         walls = np.isin([line[1] for line in state.grains], [BOTTOM, TOP])
+        if not walls.any():
+            raise RunError(f"{run.path}: has no walls of grains, which a probe moves")
         free = heights[~walls]
         high = free.max() - probe.height * diameter
         # A slab higher than the layer is the layer.
@@ -162,9 +166,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--velocity", type=float, help="m/s [that of the drive]")
     given = parser.parse_args(arguments)
     probe = Probe(given.height, given.spacing, given.displacement, given.velocity)
+    try:
+        with Run(given.run, quiet=True) as run:
+            table = pd.concat([probed(run, frame, probe) for frame in given.frames])
+    except (IndexError, GshearError) as error:
+        parser.error(str(error))
     given.out.mkdir(parents=True, exist_ok=True)
-    with Run(given.run, quiet=True) as run:
-        table = pd.concat([probed(run, frame, probe) for frame in given.frames])
     table.to_csv(given.out / "local-yield.csv", index=False)
     print(table.to_string(index=False, float_format=lambda x: f"{x:.4g}"))
 

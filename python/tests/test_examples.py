@@ -144,6 +144,9 @@ def test_a_slab_as_high_as_the_layer_goes_on_as_the_run(dimension: int, tmp_path
         assert whole["local_yield"][0] == pytest.approx(rise, rel=0.05)
         words = [str(path), str(frame), "1", f"--out={tmp_path / 'out'}", "--height=3"]
         local_yield.main([*words, "--spacing=2"])
+        with pytest.raises(SystemExit, match="2"):
+            local_yield.main([str(path), "99", f"--out={tmp_path / 'none'}"])
+    assert not (tmp_path / "none").exists()
     table = pd.read_csv(tmp_path / "out/local-yield.csv")
     assert (table.groupby("frame").size() >= 2).all()
     assert (table["grains"] > 5).all()
