@@ -27,10 +27,15 @@ fn sets(values: &[&str]) -> Vec<String> {
 
 /// The one line of a failure.
 fn message(outcome: &Outcome) -> String {
+    // Where the last sound state is, is another folder each time.
     let said: Vec<_> = outcome
         .text
         .lines()
-        .filter_map(|l| l.strip_prefix("error: "))
+        .filter_map(|l| {
+            l.strip_prefix("error: ")?
+                .split("; the last sound state")
+                .next()
+        })
         .collect();
     said.join(" / ")
 }
