@@ -88,6 +88,20 @@ def write_slab(state: State, heights: np.ndarray, slab: tuple[float, float], fol
     return len(ids)
 
 
+def keys_of(run: Run, folder: Path, part: dict[str, float]) -> dict[str, object]:
+    """Returns the keys of the scene of a probe: what the run has, and the slab in `folder`."""
+    values: dict[str, object] = {
+        f"{table}.{key}": value for table in KEPT for key, value in run.scene[table].items()
+    }
+    values["dimension"] = run.dimension
+    values["sample.packing"] = folder / "slab.data"
+    values["sample.contacts"] = folder / "slab-contacts.csv"
+    values["sample.walls"] = "types"
+    values["shear.protocol"] = [part]
+    values["output.series_rows"] = ROWS
+    return values
+
+
 def probed(run: Run, frame: int, probe: Probe) -> pd.DataFrame:
     """Returns a line for each slab of a frame.
 
@@ -95,8 +109,10 @@ def probed(run: Run, frame: int, probe: Probe) -> pd.DataFrame:
     `displacement` at which it comes (m), and `local_yield`, their difference.
     """
     diameter = 2.0 * float(np.mean(run.frames[frame].radius))
-    row = run.series["step"].searchsorted(run.frames.step[frame])
-    here = run.series.iloc[row]
+    rows_here = run.series[run.series["step"] == run.frames.step[frame]]
+    if rows_here.empty:
+        raise RunError(f"{run.path}: frame {frame}: the time series has no row at its step")
+    here = rows_here.iloc[0]
     velocity = probe.velocity or float(here["drive_velocity"])
     if velocity == 0.0:
         raise RunError(f"{run.path}: frame {frame}: the drive stands still; give --velocity")
@@ -104,15 +120,7 @@ def probed(run: Run, frame: int, probe: Probe) -> pd.DataFrame:
     found = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        values: dict[str, object] = {
-            f"{table}.{key}": value for table in KEPT for key, value in run.scene[table].items()
-        }
-        values["dimension"] = run.dimension
-        values["sample.packing"] = folder / "slab.data"
-        values["sample.contacts"] = folder / "slab-contacts.csv"
-        values["sample.walls"] = "types"
-        values["shear.protocol"] = [part]
-        values["output.series_rows"] = ROWS
+        values = keys_of(run, folder, part)
         scene = folder / "probe.toml"
         scene.write_text('title = "Probe of a slab"\n')
         state = exported(run.path, frame, folder)

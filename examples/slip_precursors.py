@@ -287,6 +287,8 @@ def main(arguments: list[str] | None = None) -> None:
     for k, path in enumerate(given.runs):
         with Run(path, quiet=True) as run:
             onset = int(np.searchsorted(run.series["strain"], given.onset)) + 1
+            # D²min looks back.
+            onset = max(onset, given.dmin)
             slips = slips_of(run, chosen, onset + max(times))
             wanted = {slip.row - time for slip in slips for time in times}
             null = random_rows(run, given.random, onset, random)
